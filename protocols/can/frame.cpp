@@ -26,7 +26,8 @@ CanFrame make_frame(std::uint32_t id, std::initializer_list<std::uint8_t> data) 
 }
 
 bool is_valid(const CanFrame& frame) {
-  const bool id_fits = frame.id <= (frame.extended || frame.kind == FrameKind::kError ? kMaxExtendedId : kMaxStandardId);
+  const bool id_fits =
+      frame.id <= (frame.extended || frame.kind == FrameKind::kError ? kMaxExtendedId : kMaxStandardId);
   const bool length_fits =
       frame.fd ? std::ranges::find(kFdLengths, frame.length) != kFdLengths.end() : frame.length <= kMaxClassicLength;
   const bool flags_fit = frame.fd ? frame.kind == FrameKind::kData : !frame.brs && !frame.esi;

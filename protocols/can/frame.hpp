@@ -23,14 +23,14 @@ enum class FrameKind : std::uint8_t { kData, kRemote, kError };
 /// A CAN frame by value. Invariants, kept by is_valid(): id fits its width; length <= 8 (classic) or one of the FD
 /// lengths 0..8, 12, 16, 20, 24, 32, 48, 64; remote and error frames are classic; brs and esi only with fd.
 struct CanFrame {
-  std::uint32_t id = 0;                ///< 11 or 29 bits, without flags; for an error frame the error class bits.
+  std::uint32_t id = 0;  ///< 11 or 29 bits, without flags; for an error frame the error class bits.
   FrameKind kind = FrameKind::kData;
-  bool extended = false;               ///< 29-bit identifier.
-  bool fd = false;                     ///< CAN FD frame format.
-  bool brs = false;                    ///< FD: data phase at the data bit rate.
-  bool esi = false;                    ///< FD: sender is error-passive.
-  std::uint8_t length = 0;             ///< Data bytes; for a remote frame the number asked for.
-  std::uint8_t raw_dlc = 0;            ///< 9..15 for a classic 8-byte frame sent with such a DLC, else 0.
+  bool extended = false;     ///< 29-bit identifier.
+  bool fd = false;           ///< CAN FD frame format.
+  bool brs = false;          ///< FD: data phase at the data bit rate.
+  bool esi = false;          ///< FD: sender is error-passive.
+  std::uint8_t length = 0;   ///< Data bytes; for a remote frame the number asked for.
+  std::uint8_t raw_dlc = 0;  ///< 9..15 for a classic 8-byte frame sent with such a DLC, else 0.
   std::array<std::uint8_t, kMaxFdLength> bytes{};
 
   [[nodiscard]] std::span<const std::uint8_t> data() const {
@@ -46,7 +46,8 @@ struct StampedFrame {
   bool operator==(const StampedFrame&) const = default;
 };
 
-/// Classic data frame with an 11-bit id. @pre id <= 0x7FF, at most 8 bytes; a larger id is cut to 11 bits, more bytes to 8.
+/// Classic data frame with an 11-bit id. @pre id <= 0x7FF, at most 8 bytes; a larger id is cut to 11 bits, more bytes
+/// to 8.
 [[nodiscard]] CanFrame make_frame(std::uint32_t id, std::span<const std::uint8_t> data);
 [[nodiscard]] CanFrame make_frame(std::uint32_t id, std::initializer_list<std::uint8_t> data);
 

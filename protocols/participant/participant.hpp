@@ -14,10 +14,11 @@ namespace meltbench {
 
 enum class LinkState : std::uint8_t { kUp, kDown };
 
-/// Why a participant is woken: its deadline has come, frames have arrived, or the link has changed; often several at once.
+/// Why a participant is woken: its deadline has come, frames have arrived, or the link has changed; often several at
+/// once.
 struct Wakeup {
-  Instant now;                               ///< Never before the previous wake-up.
-  std::span<const can::StampedFrame> frames; ///< Arrived since the previous wake-up, oldest first, stamps <= now.
+  Instant now;                                ///< Never before the previous wake-up.
+  std::span<const can::StampedFrame> frames;  ///< Arrived since the previous wake-up, oldest first, stamps <= now.
   LinkState link = LinkState::kUp;
 };
 
@@ -25,7 +26,8 @@ struct Wakeup {
 /// A warning or a fault that the scenario does not expect fails the run (health gate).
 enum class Severity : std::uint8_t { kInfo, kWarning, kFault };
 
-/// Something a participant wants in the recording. `code` is stable and in kebab case ("heartbeat-lost"), `text` is for people.
+/// Something a participant wants in the recording. `code` is stable and in kebab case ("heartbeat-lost"), `text` is for
+/// people.
 struct Event {
   Instant at;
   Severity severity = Severity::kInfo;
@@ -83,8 +85,8 @@ struct SignalInfo {
 
 /// A program on the wire. Same object under every driver: in process, lockstep, real time.
 ///
-/// The driver wakes it first at Instant{0} with nothing arrived, then at or after its own deadline, or when something has
-/// arrived. It answers in the outbox: frames in the order of sending, events, and the next deadline. Between two
+/// The driver wakes it first at Instant{0} with nothing arrived, then at or after its own deadline, or when something
+/// has arrived. It answers in the outbox: frames in the order of sending, events, and the next deadline. Between two
 /// wake-ups it does nothing. Its answer depends on nothing but what it was told, so equal input gives equal output.
 class Participant {
  public:

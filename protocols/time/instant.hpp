@@ -30,15 +30,23 @@ struct Instant {
   }
 };
 
-[[nodiscard]] constexpr Instant operator+(Instant at, Nanos span) { return Instant{at.since_start + span}; }
-[[nodiscard]] constexpr Instant operator-(Instant at, Nanos span) { return Instant{at.since_start - span}; }
+[[nodiscard]] constexpr Instant operator+(Instant at, Nanos span) {
+  return Instant{at.since_start + span};
+}
+[[nodiscard]] constexpr Instant operator-(Instant at, Nanos span) {
+  return Instant{at.since_start - span};
+}
 [[nodiscard]] constexpr Nanos operator-(Instant later, Instant earlier) {
   return later.since_start - earlier.since_start;
 }
 
-/// Seconds as a double, for formulas and for print. Exact to 1 ns below 2^53 ns = 104 days; the way back rounds.
-[[nodiscard]] constexpr double to_s(Nanos span) { return std::chrono::duration<double>(span).count(); }
-[[nodiscard]] constexpr double to_s(Instant at) { return to_s(at.since_start); }
+/// Seconds as a double, for formulas and for print. The way back gives the same Instant below 2^22 s = 48 days.
+[[nodiscard]] constexpr double to_s(Nanos span) {
+  return std::chrono::duration<double>(span).count();
+}
+[[nodiscard]] constexpr double to_s(Instant at) {
+  return to_s(at.since_start);
+}
 
 /// Nearest whole nanosecond. @pre |seconds| < 9.2e9 (292 years), finite.
 [[nodiscard]] constexpr Nanos nanos_from_s(double seconds) {
