@@ -1,0 +1,73 @@
+#pragma once
+/// The part of a rig that everyone on the bus reads: bus settings, boards, events of the timeline.
+///
+/// One TOML text describes a whole run. Who reads what:
+///   [rig] [bus]                   all (here)
+///   [board.NAME]                  kind, node_id, eds, heartbeat_ms here; the rest by the emulator
+///   [plant]                       the emulator
+///   [controller]                  node_id here; the rest by the controller
+///   [scenario] [[check]] [health] the bench
+///   [[event]]                     at_s, target, action here; the rest by the target
+/// A program opens the sections that are its own, and then calls finish() on the root: its own sections are checked key
+/// by key, those of others are left alone, and a top-level name that belongs to nobody is an error.
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "protocols/config/section.hpp"
+#include "protocols/time/instant.hpp"
+
+namespace meltbench::config {
+
+enum class BoardKind : std::uint8_t { kFeeder, kScrewDrive, kMeltPressure };
+
+/// "feeder", "screw_drive", "melt_pressure".
+[[nodiscard]] std::string_view name_of(BoardKind kind);
+
+struct RigBus {
+  std::uint32_t bit_rate_bit_per_s =
+      500'000;                    ///< bit_rate_kbit_per_s: one of CiA 301's 10, 20, 50, 125, 250, 500, 800, 1000.
+  Nanos sync_period{10'000'000};  ///< sync_period_ms: 0.1..10000, default 10.
+};
+
+struct RigBoard {
+  std::string name;  ///< NAME of [board.NAME]: lower-case letters, digits and _.
+  BoardKind kind = BoardKind::kFeeder;
+  std::uint8_t node_id = 0;   ///< 1..127, once on the bus.
+  std::filesystem::path eds;  ///< Exists. Relative to the file that says it.
+  Nanos heartbeat{};  ///< heartbeat_ms: producer heartbeat time that the manager asks of it, 1..65535, default 100.
+  Section section;    ///< For the emulator's own keys; its finish() counts the keys read here as known.
+};
+
+struct Rig {
+  std::string name;   ///< Letters, digits, '_', '-', '.'.
+  std::string title;  ///< One line for people; the name if not given.
+  RigBus bus;
+  std::uint8_t controller_node_id = 127;  ///< controller.node_id: 1..127, default 127.
+  std::vector<RigBoard> boards;           ///< In the order of the file; at least one.
+};
+
+/// Reads the common part, and marks the top-level names that others read.
+/// @throws ConfigError: a node id twice or out of 1..127, an EDS file that is not there, no board.
+[[nodiscard]] Rig read_rig(const Section& root);
+
+/// One [[event]] of the timeline. Its target reads the rest from `section` and calls section.finish().
+struct TimelineEvent {
+  Instant at;
+  std::string target;  ///< "controller", "plant", "bus", or "board.NAME".
+  std::string action;  ///< E.g. "set_point".
+  Section section;
+};
+
+/// Events of one target ("controller"), or of all if `target` is empty, in the order of time; equal times keep their
+/// order.
+/// @throws ConfigError for a target that the rig does not have.
+[[nodiscard]] std::vector<TimelineEvent> read_events(const Section& root, const Rig& rig, std::string_view target = {});
+
+/// @throws ConfigError unless the text is a name that can be a folder: letters, digits, '_', '-', '.', not first '.' or
+/// '-'.
+[[nodiscard]] std::string read_name(const Section& section, std::string_view key);
+
+}  // namespace meltbench::config
