@@ -1,0 +1,43 @@
+#pragma once
+/// The checks of a scenario: read from [[check]] and [health], then asked to judge a recording.
+
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "bench/check/check.hpp"
+#include "bench/check/kinds.hpp"
+#include "bench/record/recording.hpp"
+#include "protocols/config/section.hpp"
+
+namespace meltbench::check {
+
+using Kind = std::variant<Settle, NeverSettles, Band, Overshoot, PeakToPeak, Response, FramePeriod, FrameJitter,
+                          Reaction, Always, Never, EventOccurs>;
+
+/// One [[check]].
+struct Check {
+  std::string name;
+  Kind kind;
+  config::Origin origin;  ///< Of its table, for complaints after reading.
+};
+
+/// All that is asked of a run.
+struct CheckSet {
+  std::vector<Check> checks;
+  HealthGate health;
+
+  /// Before the run: does every signal that a check names exist?
+  /// @throws config::ConfigError at the check, naming the nearest signal. Not thrown for signals of a real plant.
+  void require_signals(const std::vector<SignalInfo>& signals, bool real_plant) const;
+
+  /// After the run. Pure: same recording, same results. The health gate comes last.
+  [[nodiscard]] CheckResults judge(const record::Recording& recording) const;
+};
+
+/// Reads all [[check]] tables and [health] below `root`. The keys are explained in fixtures/scenarios/CHECKS.md.
+/// `variants` of a check is somebody else's (bench/scenario). Finishes each [[check]] and [health], not the root.
+/// @throws config::ConfigError: unknown kind or key, a missing bound, a name given twice.
+[[nodiscard]] CheckSet read_checks(const config::Section& root);
+
+}  // namespace meltbench::check

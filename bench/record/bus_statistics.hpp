@@ -1,0 +1,45 @@
+#pragma once
+/// Who talked how much and how regularly on a recorded bus.
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "bench/record/recording.hpp"
+
+namespace meltbench::record {
+
+/// Traffic of one identifier. Periods are the gaps between its consecutive frames.
+struct IdStatistics {
+  std::uint32_t id = 0;
+  bool extended = false;
+  std::string name;  ///< By the CANopen predefined connection set: "TPDO1 feeder", "SYNC"; empty for others.
+  std::uint64_t frames = 0;
+  std::uint64_t data_bytes = 0;
+  double mean_period_s = 0;  ///< 0 if fewer than two frames.
+  double min_period_s = 0;
+  double max_period_s = 0;
+  std::optional<double> load;  ///< Share of the bus time, 0..1, without stuff bits; only if the bit rate is known.
+};
+
+struct BusStatistics {
+  std::uint64_t frames = 0;  ///< Error frames not counted.
+  std::uint64_t data_bytes = 0;
+  std::uint64_t error_frames = 0;
+  std::uint64_t lost_frames = 0;
+  std::optional<double> load;     ///< Mean over the run, as in IdStatistics. Stuffing adds up to a quarter.
+  std::vector<IdStatistics> ids;  ///< Standard before extended, then by identifier.
+};
+
+[[nodiscard]] BusStatistics calc_bus_statistics(const Recording& recording);
+
+/// Gaps between consecutive frames of one identifier [s], oldest first.
+[[nodiscard]] std::vector<double> calc_periods_s(const FrameLog& frames, std::uint32_t id, bool extended);
+
+/// Meaning of an 11-bit identifier in the CANopen predefined connection set, with the node's name where it has one:
+/// "NMT", "SYNC", "EMCY feeder", "TPDO1 feeder", "SDO answer 5", "heartbeat feeder". Empty where the set says nothing.
+[[nodiscard]] std::string name_cob_id(std::uint32_t cob_id, std::span<const NodeName> nodes);
+
+}  // namespace meltbench::record
