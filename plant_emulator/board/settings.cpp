@@ -1,0 +1,68 @@
+#include "plant_emulator/board/settings.hpp"
+
+namespace meltbench::board {
+
+namespace {
+
+using config::above;
+using config::above_up_to;
+using config::at_least;
+using config::between;
+
+/// A time of the firmware: the wire counts ages and cycles in microseconds.
+Nanos read_firmware_time(const config::Section& section, std::string_view key, double fallback_ms, double min_ms,
+                         double max_ms) {
+  const Nanos time = section.duration_or(key, fallback_ms, between(min_ms, max_ms));
+  if (time % 1us != 0ns) section.fail(key, "must be a whole number of microseconds", "e.g. 1.25 or 0.1");
+  return time;
+}
+
+}  // namespace
+
+FeederSettings read_feeder_settings(const config::Section& section, const PlantRates& plant) {
+  FeederSettings settings;
+  settings.sample_time = read_firmware_time(section, "sample_time_ms", 1, 0, 100);
+  settings.latency = read_firmware_time(section, "latency_ms", 2, 0, 1000);
+  settings.flow_resolution_kg_per_h = section.number_or("flow_resolution_kg_per_h", 0, at_least(0));
+  settings.max_flow_kg_per_h =
+      section.number_or("max_flow_kg_per_h", 1.5 * plant.throat_flow_kg_per_h, above_up_to(0, 100'000));
+  settings.watchdog_ms = static_cast<std::uint16_t>(
+      section.integer_or("watchdog_ms", 50, between(0, 65535, "a few SYNC periods; 0 = no watchdog")));
+  settings.loss_of_master_kg_per_h = section.number_or(
+      "loss_of_master_kg_per_h", plant.hold_flow_kg_per_h,
+      between(0, settings.max_flow_kg_per_h, "the flow that the machine can live with when nobody controls it"));
+  settings.start_flow_kg_per_h =
+      section.number_or("start_flow_kg_per_h", plant.start_flow_kg_per_h, between(0, settings.max_flow_kg_per_h));
+  settings.hopper_kg = section.number_or("hopper_kg", 25, between(0, 200'000));
+  settings.weight_sample_time = read_firmware_time(section, "weight_sample_time_ms", 20, 0.01, 10'000);
+  settings.weight_resolution_kg = section.number_or("weight_resolution_kg", 1e-4, at_least(0));
+  settings.weight_noise_kg = section.number_or("weight_noise_kg", 0, at_least(0));
+  settings.flow_filter_s = section.number_or("flow_filter_s", 1, above_up_to(0, 1000));
+  return settings;
+}
+
+ScrewDriveSettings read_screw_drive_settings(const config::Section& section, const PlantRates& plant) {
+  ScrewDriveSettings settings;
+  settings.sample_time = read_firmware_time(section, "sample_time_ms", 1, 0.01, 100);
+  settings.increments_per_rev =
+      static_cast<std::uint32_t>(section.integer_or("increments_per_rev", 65536, between(1, 1 << 24)));
+  settings.warm_start = section.boolean_or("warm_start", true);
+  settings.nominal_rev_per_s = plant.screw_rev_per_s;
+  settings.ramp_rpm_per_s = section.number_or("ramp_rpm_per_s", 100, between(0, 1e6, "0 = jump"));
+  settings.quick_stop_rpm_per_s = section.number_or("quick_stop_rpm_per_s", 500, between(0, 1e6, "0 = jump"));
+  return settings;
+}
+
+MeltPressureSettings read_melt_pressure_settings(const config::Section& section) {
+  MeltPressureSettings settings;
+  settings.sample_time = read_firmware_time(section, "sample_time_ms", 2, 0.01, 1000);
+  settings.latency = read_firmware_time(section, "latency_ms", 1, 0, 1000);
+  settings.resolution_Pa = section.number_or("resolution_Pa", 1, at_least(1, "the wire carries whole pascals"));
+  settings.noise_Pa = section.number_or("noise_Pa", 0, at_least(0));
+  settings.filter_samples = static_cast<int>(section.integer_or("filter_samples", 1, between(1, 64)));
+  settings.span_start_bar = section.number_or("span_start_bar", 0, between(-1000, 10'000));
+  settings.span_end_bar = section.number_or("span_end_bar", 50, above_up_to(settings.span_start_bar, 10'000));
+  return settings;
+}
+
+}  // namespace meltbench::board

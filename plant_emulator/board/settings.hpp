@@ -1,0 +1,91 @@
+#pragma once
+/// What a rig says about the boards: the keys of [board.NAME], read strictly into plain structs.
+///
+/// Times of the firmware are whole microseconds. "Sample time" is the cycle of the board's own clock, which does not
+/// know of the bus: its phase is drawn from the run's seed (sampling.hpp), so that no control law can lean on a lucky
+/// phase.
+
+#include <cstdint>
+
+#include "protocols/config/section.hpp"
+#include "protocols/time/instant.hpp"
+
+namespace meltbench::board {
+
+/// Rates of the plant that defaults of the boards are derived from.
+struct PlantRates {
+  double start_flow_kg_per_h = 0;   ///< Keeps the filled length where the run starts, at nominal speed.
+  double hold_flow_kg_per_h = 0;    ///< Open-loop rate v(x*): leads to the nominal filled length and stays there.
+  double throat_flow_kg_per_h = 0;  ///< More does not fit into the screw at nominal speed (U = 1).
+  double screw_rev_per_s = 0;       ///< Nominal screw speed.
+};
+
+/// [board.NAME] with kind = "feeder". Key, range, (default), what:
+/// - sample_time_ms            0..100 (1)             control cycle, takes over set points; 0 = at once
+/// - latency_ms                0..1000 (2)            from the control cycle to the changed flow
+/// - flow_resolution_kg_per_h  >= 0 (0)               delivered flow is a multiple of it; 0 = as fine as REAL32
+/// - max_flow_kg_per_h         > 0 (1.5 x throat)     larger set points are cut to it; object 2009
+/// - watchdog_ms               0..65535 (50)          no set point for so long = loss of master, 0 = off; object 2006
+/// - loss_of_master_kg_per_h   0..max (v(x*))         flow after loss of master; object 2005
+/// - start_flow_kg_per_h       0..max (v(x0))         flow from power-up to the first set point: plant in balance
+/// - hopper_kg                 >= 0 (25)              weight in the hopper at the start
+/// - weight_sample_time_ms     0.01..10000 (20)       cycle of the scale
+/// - weight_resolution_kg      >= 0 (0.0001)          one step of the scale; 0 = as fine as REAL32
+/// - weight_noise_kg           >= 0 (0)               standard deviation of the scale's noise
+/// - flow_filter_s             > 0, <= 1000 (1)       time constant of the mass flow in 6130:2
+struct FeederSettings {
+  Nanos sample_time = 1ms;
+  Nanos latency = 2ms;
+  double flow_resolution_kg_per_h = 0;
+  double max_flow_kg_per_h = 0;
+  std::uint16_t watchdog_ms = 50;
+  double loss_of_master_kg_per_h = 0;
+  double start_flow_kg_per_h = 0;
+  double hopper_kg = 25;
+  Nanos weight_sample_time = 20ms;
+  double weight_resolution_kg = 1e-4;
+  double weight_noise_kg = 0;
+  double flow_filter_s = 1;
+};
+
+/// [board.NAME] with kind = "screw_drive". Key, range, (default), what:
+/// - sample_time_ms        0.01..100 (1)     cycle of the speed ramp
+/// - increments_per_rev    1..2^24 (65536)   encoder increments per screw turn; object 608F
+/// - warm_start            (true)            powers up in Operation enabled and turns at nominal speed: the run starts
+///                                           in the middle of production, as the published simulations do
+/// - ramp_rpm_per_s        >= 0 (100)        acceleration and deceleration at power-up; 0 = jump; objects 6048, 6049
+/// - quick_stop_rpm_per_s  >= 0 (500)        deceleration of quick stop and fault reaction; objects 604A, 6085
+struct ScrewDriveSettings {
+  Nanos sample_time = 1ms;
+  std::uint32_t increments_per_rev = 65536;
+  bool warm_start = true;
+  double nominal_rev_per_s = 0;  ///< From the plant; no key.
+  double ramp_rpm_per_s = 100;
+  double quick_stop_rpm_per_s = 500;
+};
+
+/// [board.NAME] with kind = "melt_pressure". Key, range, (default), what:
+/// - sample_time_ms   0.01..1000 (2)     cycle of the converter
+/// - latency_ms       0..1000 (1)        from the instant of the sample to when it can be read
+/// - resolution_Pa    >= 1 (1)           the value is a multiple of it; the wire carries whole pascals
+/// - noise_Pa         >= 0 (0)           standard deviation of the sensor's noise
+/// - filter_samples   1..64 (1)          moving average over so many samples, 1 = none; objects 61A0, 61A1
+/// - span_start_bar   any (0)            below: cut, and status bit 2; object 6148
+/// - span_end_bar     > start (50)       above: cut, and status bit 1; object 6149
+struct MeltPressureSettings {
+  Nanos sample_time = 2ms;
+  Nanos latency = 1ms;
+  double resolution_Pa = 1;
+  double noise_Pa = 0;
+  int filter_samples = 1;
+  double span_start_bar = 0;
+  double span_end_bar = 50;
+};
+
+/// Read the board's own keys; the section's finish() is the caller's.
+/// @throws config::ConfigError for a value out of range, or a time that is not a whole number of microseconds.
+[[nodiscard]] FeederSettings read_feeder_settings(const config::Section& section, const PlantRates& plant);
+[[nodiscard]] ScrewDriveSettings read_screw_drive_settings(const config::Section& section, const PlantRates& plant);
+[[nodiscard]] MeltPressureSettings read_melt_pressure_settings(const config::Section& section);
+
+}  // namespace meltbench::board
