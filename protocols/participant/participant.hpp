@@ -45,6 +45,8 @@ enum class WakeOn : std::uint8_t {
 class Outbox {
  public:
   void send(const can::CanFrame& frame) { frames_.push_back(frame); }
+  /// The queue itself, for protocol code that appends frames to a vector.
+  [[nodiscard]] std::vector<can::CanFrame>& frame_queue() { return frames_; }
   void report(Severity severity, Instant at, std::string code, std::string text) {
     events_.push_back(Event{at, severity, std::move(code), std::move(text)});
   }

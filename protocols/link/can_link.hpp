@@ -1,0 +1,67 @@
+#pragma once
+/// The seam between a program and a CAN bus: a kernel interface, or the embedded bus at wall-clock pace.
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+#include "protocols/can/frame.hpp"
+#include "protocols/time/instant.hpp"
+
+namespace meltbench::link {
+
+/// kFull: the transmit queue has no room, try again later. kDown: the bus is not there now; it may come back.
+/// kUnsupported: this bus cannot carry such a frame (FD on a classic interface).
+enum class SendStatus : std::uint8_t { kSent, kFull, kDown, kUnsupported };
+
+/// A frame and the CLOCK_MONOTONIC reading at which it arrived, by the kernel's stamp where there is one.
+struct ReceivedFrame {
+  Nanos at_monotonic{};
+  can::CanFrame frame;
+};
+
+/// What a link has seen go wrong. Only ever grows.
+struct LinkCounters {
+  std::uint64_t full = 0;     ///< Sends refused because the transmit queue was full (ENOBUFS).
+  std::uint64_t downs = 0;    ///< Times that the link went down.
+  std::uint64_t dropped = 0;  ///< Received frames that the kernel dropped because we read too late (SO_RXQ_OVFL).
+  std::uint64_t errors = 0;   ///< Error frames received.
+};
+
+/// A CAN bus as a program sees it. Never blocks, never throws: the loop reads a status.
+class CanLink {
+ public:
+  virtual ~CanLink() = default;
+  [[nodiscard]] virtual SendStatus send(const can::CanFrame& frame) noexcept = 0;
+  /// The oldest frame waiting; nothing: none waits.
+  [[nodiscard]] virtual std::optional<ReceivedFrame> receive() noexcept = 0;
+  /// Whether the bus is there. Looks again, and reopens what has gone, when it was not.
+  [[nodiscard]] virtual bool is_up() noexcept = 0;
+  /// For poll(2): readable when a frame waits. May change after is_up(); -1 while there is nothing to wait for.
+  [[nodiscard]] virtual int fd() const noexcept = 0;
+  [[nodiscard]] virtual const LinkCounters& counters() const noexcept = 0;
+};
+
+/// Set-up failed: what, and what to do about it. Programs print both and exit with status 2.
+class LinkError : public std::runtime_error {
+ public:
+  LinkError(const std::string& what, std::string hint) : std::runtime_error{what}, hint_{std::move(hint)} {}
+  [[nodiscard]] const std::string& hint() const { return hint_; }
+
+ private:
+  std::string hint_;
+};
+
+/// What a bus name says: "virtual:NAME", "socketcan:can0", or a bare interface name such as "can0" or "vcan0".
+struct BusUri {
+  enum class Kind : std::uint8_t { kVirtual, kSocketCan } kind = Kind::kVirtual;
+  std::string name;
+};
+
+/// @throws LinkError naming the text if it is no bus name.
+[[nodiscard]] BusUri parse_bus_uri(std::string_view text);
+
+}  // namespace meltbench::link

@@ -1,0 +1,177 @@
+#include "protocols/runtime/bench_protocol.hpp"
+
+namespace meltbench::runtime {
+namespace {
+
+using link::MessageReader;
+using link::MessageType;
+using link::MessageWriter;
+
+void write_events(MessageWriter& writer, std::span<const Event> events) {
+  writer.put(static_cast<std::uint32_t>(events.size()));
+  for (const Event& event : events) {
+    writer.put(event.at);
+    writer.put(event.severity);
+    writer.put_text(event.code);
+    writer.put_text(event.text);
+  }
+}
+
+/// Hands each event to `store`.
+template <typename Store>
+void read_events(MessageReader& reader, Store store) {
+  const auto count = reader.take<std::uint32_t>();
+  for (std::uint32_t i = 0; i < count && reader.ok(); ++i) {
+    Event event;
+    event.at = reader.take<Instant>();
+    event.severity = reader.take<Severity>();
+    event.code = reader.take_text();
+    event.text = reader.take_text();
+    if (reader.ok()) store(std::move(event));
+  }
+}
+
+/// A reader behind the type byte; not ok() if the message is of another type.
+std::optional<MessageReader> open(std::span<const std::uint8_t> message, MessageType type) {
+  MessageReader reader{message};
+  if (reader.take<MessageType>() != type || !reader.ok()) return std::nullopt;
+  return reader;
+}
+
+}  // namespace
+
+void write_hello(MessageWriter& writer, const Hello& hello) {
+  writer.begin(MessageType::kHello);
+  writer.put(link::kBenchProtocolVersion);
+  writer.put_text(hello.name);
+  writer.put(hello.carries_frames);
+  writer.put(static_cast<std::uint32_t>(hello.signals.size()));
+  for (const SignalInfo& signal : hello.signals) {
+    writer.put_text(signal.name);
+    writer.put(signal.kind);
+  }
+}
+
+std::optional<Hello> read_hello(std::span<const std::uint8_t> message) {
+  auto reader = open(message, MessageType::kHello);
+  if (!reader || reader->take<std::uint32_t>() != link::kBenchProtocolVersion) return std::nullopt;
+  Hello hello;
+  hello.name = reader->take_text();
+  hello.carries_frames = reader->take<std::uint8_t>() != 0;
+  const auto count = reader->take<std::uint32_t>();
+  for (std::uint32_t i = 0; i < count && reader->ok(); ++i) {
+    SignalInfo signal;
+    signal.name = reader->take_text();
+    signal.kind = reader->take<std::uint8_t>() == 0 ? SignalKind::kValue : SignalKind::kErrorCounter;
+    hello.signals.push_back(std::move(signal));
+  }
+  if (!reader->complete()) return std::nullopt;
+  return hello;
+}
+
+void write_welcome(MessageWriter& writer, const link::Welcome& welcome) {
+  writer.begin(MessageType::kWelcome);
+  writer.put(welcome.pace);
+  writer.put(welcome.speed);
+  writer.put(welcome.start_monotonic);
+  writer.put(welcome.record_period);
+}
+
+std::optional<link::Welcome> read_welcome(std::span<const std::uint8_t> message) {
+  auto reader = open(message, MessageType::kWelcome);
+  if (!reader) return std::nullopt;
+  link::Welcome welcome;
+  welcome.pace = reader->take<link::Pace>();
+  welcome.speed = reader->take<double>();
+  welcome.start_monotonic = reader->take<Nanos>();
+  welcome.record_period = reader->take<Nanos>();
+  if (!reader->complete()) return std::nullopt;
+  return welcome;
+}
+
+std::optional<MessageType> message_type(std::span<const std::uint8_t> message) {
+  if (message.empty()) return std::nullopt;
+  return static_cast<MessageType>(message.front());
+}
+
+void write_wake(MessageWriter& writer, const Wakeup& in) {
+  writer.begin(MessageType::kWake);
+  writer.put(in.now);
+  writer.put(in.link);
+  writer.put(static_cast<std::uint32_t>(in.frames.size()));
+  for (const can::StampedFrame& stamped : in.frames) writer.put_frame(stamped.at, stamped.frame);
+}
+
+std::optional<Wakeup> read_wake(std::span<const std::uint8_t> message, std::vector<can::StampedFrame>& frames) {
+  auto reader = open(message, MessageType::kWake);
+  if (!reader) return std::nullopt;
+  Wakeup in;
+  in.now = reader->take<Instant>();
+  in.link = reader->take<LinkState>();
+  const auto count = reader->take<std::uint32_t>();
+  frames.clear();
+  for (std::uint32_t i = 0; i < count && reader->ok(); ++i) frames.push_back(reader->take_frame());
+  if (!reader->complete()) return std::nullopt;
+  in.frames = frames;
+  return in;
+}
+
+void write_done(MessageWriter& writer, const Outbox& out, std::span<const double> signals) {
+  writer.begin(MessageType::kDone);
+  writer.put(out.deadline());
+  writer.put(out.wake_on());
+  writer.put(static_cast<std::uint32_t>(out.frames().size()));
+  for (const can::CanFrame& frame : out.frames()) writer.put_frame(Instant{}, frame);
+  write_events(writer, out.events());
+  writer.put_numbers(signals);
+}
+
+bool read_done(std::span<const std::uint8_t> message, Outbox& out, std::span<double> signals) {
+  auto reader = open(message, MessageType::kDone);
+  out.clear();
+  if (!reader) return false;
+  const auto deadline = reader->take<Instant>();
+  const auto wake_on = reader->take<WakeOn>();
+  out.wake_at(deadline, wake_on);
+  const auto count = reader->take<std::uint32_t>();
+  for (std::uint32_t i = 0; i < count && reader->ok(); ++i) out.send(reader->take_frame().frame);
+  read_events(*reader, [&out](Event event) {
+    out.report(event.severity, event.at, std::move(event.code), std::move(event.text));
+  });
+  reader->take_numbers(signals);
+  return reader->complete();
+}
+
+void write_report(MessageWriter& writer, Instant at, std::span<const Event> events, std::span<const double> signals) {
+  writer.begin(MessageType::kReport);
+  writer.put(at);
+  write_events(writer, events);
+  writer.put_numbers(signals);
+}
+
+std::optional<Instant> read_report(std::span<const std::uint8_t> message, std::vector<Event>& events,
+                                   std::span<double> signals) {
+  auto reader = open(message, MessageType::kReport);
+  events.clear();
+  if (!reader) return std::nullopt;
+  const auto at = reader->take<Instant>();
+  read_events(*reader, [&events](Event event) { events.push_back(std::move(event)); });
+  reader->take_numbers(signals);
+  if (!reader->complete()) return std::nullopt;
+  return at;
+}
+
+void write_frame(MessageWriter& writer, Nanos at_monotonic, const can::CanFrame& frame) {
+  writer.begin(MessageType::kFrames);
+  writer.put_frame(Instant{at_monotonic}, frame);
+}
+
+std::optional<can::StampedFrame> read_frame(std::span<const std::uint8_t> message) {
+  auto reader = open(message, MessageType::kFrames);
+  if (!reader) return std::nullopt;
+  const can::StampedFrame stamped = reader->take_frame();
+  if (!reader->complete()) return std::nullopt;
+  return stamped;
+}
+
+}  // namespace meltbench::runtime

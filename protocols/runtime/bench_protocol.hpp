@@ -1,0 +1,51 @@
+#pragma once
+/// What a participant's process and the broker tell each other, in terms of participants; bytes in
+/// link/bench_message.hpp.
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "protocols/link/bench_message.hpp"
+#include "protocols/participant/participant.hpp"
+
+namespace meltbench::runtime {
+
+/// First message of a program that joins.
+struct Hello {
+  std::string name;
+  bool carries_frames = true;  ///< False: its frames go over a kernel bus, this connection only reports.
+  std::vector<SignalInfo> signals;
+};
+void write_hello(link::MessageWriter& writer, const Hello& hello);
+[[nodiscard]] std::optional<Hello> read_hello(std::span<const std::uint8_t> message);
+
+void write_welcome(link::MessageWriter& writer, const link::Welcome& welcome);
+[[nodiscard]] std::optional<link::Welcome> read_welcome(std::span<const std::uint8_t> message);
+
+/// Type of a message; nothing for an empty one.
+[[nodiscard]] std::optional<link::MessageType> message_type(std::span<const std::uint8_t> message);
+
+/// Lockstep: broker wakes a program.
+void write_wake(link::MessageWriter& writer, const Wakeup& in);
+/// @param frames  filled anew; the Wakeup points into it.
+[[nodiscard]] std::optional<Wakeup> read_wake(std::span<const std::uint8_t> message,
+                                              std::vector<can::StampedFrame>& frames);
+
+/// Lockstep: a program's answer.
+void write_done(link::MessageWriter& writer, const Outbox& out, std::span<const double> signals);
+/// @param out  filled anew.  @param signals  all of it is filled.  @returns false on nonsense.
+[[nodiscard]] bool read_done(std::span<const std::uint8_t> message, Outbox& out, std::span<double> signals);
+
+/// Wall clock: what a program wants recorded, at one instant.
+void write_report(link::MessageWriter& writer, Instant at, std::span<const Event> events,
+                  std::span<const double> signals);
+/// @returns the instant, or nothing on nonsense.
+[[nodiscard]] std::optional<Instant> read_report(std::span<const std::uint8_t> message, std::vector<Event>& events,
+                                                 std::span<double> signals);
+
+/// Wall clock: frames on the embedded bus, with the CLOCK_MONOTONIC reading of their sending.
+void write_frame(link::MessageWriter& writer, Nanos at_monotonic, const can::CanFrame& frame);
+[[nodiscard]] std::optional<can::StampedFrame> read_frame(std::span<const std::uint8_t> message);
+
+}  // namespace meltbench::runtime

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <string>
+
+#include "protocols/participant/participant.hpp"
+
+namespace meltbench::runtime {
+
+/// How a program joins the wire.
+struct ProgramOptions {
+  std::string can = "virtual:bench";  ///< "virtual:NAME" or a kernel interface.
+  std::string bench;                  ///< "virtual:NAME" of a bench to report to when the frames go over the kernel.
+};
+
+/// Joins the wire, takes the driver that it asks for (lockstep or real time), and runs until told to stop.
+/// Catches SIGINT and SIGTERM. Events go to the bench, or to standard error when there is none.
+/// @returns the process's exit status: 0, or 3 if the bench was lost.
+/// @throws link::LinkError if the wire cannot be joined.
+[[nodiscard]] int run_program(Participant& participant, const ProgramOptions& options);
+
+}  // namespace meltbench::runtime
