@@ -69,6 +69,9 @@ struct Range {
 /// those without "_or" also when the key is missing. Defaults are not checked.
 class Section {
  public:
+  /// A table without keys: every default, and an error for what must be there.
+  Section();
+
   /// @param path  how messages call it: "" for the root of a file, then "board.feeder".
   explicit Section(std::shared_ptr<const Table> root, std::string path = {});
 

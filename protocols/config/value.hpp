@@ -56,6 +56,8 @@ class Table {
   /// Replaces the value of the key in place, or adds the key at the end.
   void set(std::string_view key, Value value);
   void set(Entry entry);
+  /// Adds without looking for the key. @pre it is not there yet.
+  void append(Entry entry);
   void erase(std::string_view key);
 
   bool operator==(const Table& other) const;  ///< Same keys and values in the same order; origins do not count.

@@ -1,0 +1,141 @@
+#include "protocols/config/rig.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+
+namespace meltbench::config {
+namespace {
+
+constexpr Range kNodeId = between(1, 127, "CANopen has the node ids 1..127");
+
+/// Who owns which node id, to name the first one when the second comes.
+class NodeIds {
+ public:
+  std::uint8_t take(const Section& section, std::string_view owner, std::uint8_t node_id) {
+    std::string& holder = holders_[node_id];
+    if (!holder.empty()) {
+      section.fail("node_id", fmt::format("already taken by {}", holder),
+                   "every node on the bus needs its own id, 1..127");
+    }
+    holder = owner;
+    return node_id;
+  }
+
+ private:
+  std::array<std::string, 128> holders_;
+};
+
+bool is_board_name(std::string_view name) {
+  return !name.empty() && std::all_of(name.begin(), name.end(), [](char letter) {
+    return (letter >= 'a' && letter <= 'z') || (letter >= '0' && letter <= '9') || letter == '_';
+  });
+}
+
+RigBus read_bus(const Section& bus) {
+  RigBus result;
+  static constexpr std::array<std::int64_t, 8> kRates_kbit_per_s{10, 20, 50, 125, 250, 500, 800, 1000};
+  const std::int64_t rate = bus.integer_or("bit_rate_kbit_per_s", 500);
+  if (std::find(kRates_kbit_per_s.begin(), kRates_kbit_per_s.end(), rate) == kRates_kbit_per_s.end()) {
+    bus.fail("bit_rate_kbit_per_s", "must be one of 10, 20, 50, 125, 250, 500, 800, 1000",
+             "these are the bit rates of CiA 301");
+  }
+  result.bit_rate_bit_per_s = static_cast<std::uint32_t>(rate * 1000);
+  result.sync_period = bus.duration_or("sync_period_ms", 10, between(0.1, 10'000));
+  return result;
+}
+
+std::filesystem::path read_eds_path(const Section& board) {
+  const std::filesystem::path eds = board.path("eds");
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(eds, error)) {
+    board.fail("eds", fmt::format("there is no such file ({})", eds.string()),
+               "the path is relative to the folder of the file that says it");
+  }
+  return eds;
+}
+
+RigBoard read_board(const Section& board, const std::string& name, NodeIds& ids) {
+  if (!is_board_name(name)) {
+    board.fail_here(fmt::format("board name \"{}\" must be lower-case letters, digits and _", name),
+                    "it becomes a part of signal names, e.g. [board.feeder]");
+  }
+  const auto kind = board.choice<BoardKind>("kind", {{"feeder", BoardKind::kFeeder},
+                                                     {"screw_drive", BoardKind::kScrewDrive},
+                                                     {"melt_pressure", BoardKind::kMeltPressure}});
+  const auto node_id = static_cast<std::uint8_t>(board.integer("node_id", kNodeId));
+  return RigBoard{.name = name,
+                  .kind = kind,
+                  .node_id = ids.take(board, "board." + name, node_id),
+                  .eds = read_eds_path(board),
+                  .heartbeat = board.duration_or("heartbeat_ms", 100, between(1, 65'535)),
+                  .section = board};
+}
+
+}  // namespace
+
+std::string_view name_of(BoardKind kind) {
+  switch (kind) {
+    case BoardKind::kFeeder:
+      return "feeder";
+    case BoardKind::kScrewDrive:
+      return "screw_drive";
+    case BoardKind::kMeltPressure:
+      return "melt_pressure";
+  }
+  return "?";
+}
+
+std::string read_name(const Section& section, std::string_view key) {
+  constexpr std::size_t kMaxName = 100;
+  std::string name = section.text(key);
+  const bool legal = !name.empty() && name.size() <= kMaxName && name.front() != '.' && name.front() != '-' &&
+                     std::all_of(name.begin(), name.end(), [](char letter) {
+                       return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') ||
+                              (letter >= '0' && letter <= '9') || letter == '_' || letter == '-' || letter == '.';
+                     });
+  if (!legal) section.fail(key, "must be letters, digits, _, - and .", "it becomes the name of a folder");
+  return name;
+}
+
+Rig read_rig(const Section& root) {
+  root.ignore({"rig", "bus", "plant", "controller", "board", "scenario", "event", "check", "health", "repro"});
+  Rig rig;
+  const Section about = root.section("rig");
+  rig.name = read_name(about, "name");
+  rig.title = about.text_or("title", rig.name);
+  rig.bus = read_bus(root.section_or_empty("bus"));
+
+  NodeIds ids;
+  const Section controller = root.peek("controller");
+  const auto controller_id = static_cast<std::uint8_t>(controller.integer_or("node_id", 127, kNodeId));
+  rig.controller_node_id = ids.take(controller, "controller", controller_id);
+  const Section boards = root.peek("board");
+  for (const std::string& name : boards.keys()) rig.boards.push_back(read_board(boards.peek(name), name, ids));
+  if (rig.boards.empty()) root.fail_here("no [board.NAME]: a rig has at least one board", "e.g. [board.feeder]");
+  return rig;
+}
+
+std::vector<TimelineEvent> read_events(const Section& root, const Rig& rig, std::string_view target) {
+  std::vector<std::string> targets{"controller", "plant", "bus"};
+  for (const RigBoard& board : rig.boards) targets.push_back("board." + board.name);
+
+  std::vector<TimelineEvent> events;
+  for (const Section& event : root.peek_all("event")) {
+    TimelineEvent read{.at = Instant{event.duration("at_s")},
+                       .target = event.text("target"),
+                       .action = event.text("action"),
+                       .section = event};
+    if (std::find(targets.begin(), targets.end(), read.target) == targets.end()) {
+      event.fail("target", fmt::format("must be one of {}", fmt::join(targets, ", ")),
+                 "a board is named as in the rig: \"board.feeder\"");
+    }
+    if (target.empty() || read.target == target) events.push_back(std::move(read));
+  }
+  std::stable_sort(events.begin(), events.end(),
+                   [](const TimelineEvent& left, const TimelineEvent& right) { return left.at < right.at; });
+  return events;
+}
+
+}  // namespace meltbench::config
