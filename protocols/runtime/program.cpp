@@ -26,7 +26,6 @@ std::optional<Joined> join(const Participant& participant, const std::string& bu
   link::BenchSocket socket{link::connect_embedded_bus(bus_name)};
   Hello hello{std::string{participant.name()}, carries_frames, {}};
   hello.signals.assign(participant.signals().begin(), participant.signals().end());
-  for (SignalInfo& signal : real_time_signals(participant)) hello.signals.push_back(std::move(signal));
   link::MessageWriter writer;
   write_hello(writer, hello);
   if (!socket.send(writer.bytes())) return std::nullopt;

@@ -20,8 +20,8 @@ timespec to_timespec(Nanos span) {
 
 }  // namespace
 
-std::vector<SignalInfo> real_time_signals(const Participant& participant) {
-  const std::string name{participant.name()};
+std::vector<SignalInfo> real_time_signals(std::string_view participant_name) {
+  const std::string name{participant_name};
   return {{name + ".deadline_misses", SignalKind::kErrorCounter},
           {name + ".frames_lost", SignalKind::kErrorCounter},
           {name + ".worst_lateness_s", SignalKind::kValue}};
@@ -34,7 +34,7 @@ RealTimeDriver::RealTimeDriver(Participant& participant, link::CanLink& can, Ben
       bench_{bench},
       clock_{timing.start_monotonic, timing.speed},
       record_period_{timing.record_period},
-      signals_(participant.signals().size() + real_time_signals(participant).size()) {
+      signals_(participant.signals().size() + real_time_signals(participant.name()).size()) {
   arrived_.reserve(256);
   out_.wake_at(Instant{});
 }

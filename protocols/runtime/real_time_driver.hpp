@@ -10,9 +10,9 @@
 
 namespace meltbench::runtime {
 
-/// Signals that the real-time driver adds to those of its participant: "<name>.deadline_misses" and so on.
+/// Signals that the real-time driver reports behind those of its participant: "<name>.deadline_misses" and so on.
 /// A deadline is missed when the wake-up comes more than one record period late.
-[[nodiscard]] std::vector<SignalInfo> real_time_signals(const Participant& participant);
+[[nodiscard]] std::vector<SignalInfo> real_time_signals(std::string_view participant_name);
 
 /// Real-time driver: CLOCK_MONOTONIC, absolute deadlines, one thread.
 ///

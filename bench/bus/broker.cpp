@@ -1,0 +1,91 @@
+#include "bench/bus/broker.hpp"
+
+#include <poll.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+
+#include "protocols/runtime/stop_signal.hpp"
+
+namespace meltbench::bus {
+namespace {
+
+constexpr int kAcceptPoll_ms = 20;
+
+/// Takes one connection and reads its hello; nothing if none comes, or if it says something else.
+std::optional<Joined> accept_program(const link::UniqueFd& listener) {
+  pollfd waiting{listener.get(), POLLIN, 0};
+  if (::poll(&waiting, 1, kAcceptPoll_ms) <= 0) return std::nullopt;
+  link::UniqueFd connection{::accept4(listener.get(), nullptr, nullptr, SOCK_CLOEXEC)};
+  if (!connection) return std::nullopt;
+  link::BenchSocket socket{std::move(connection)};
+  socket.set_timeout(kWatchdog);
+  std::span<const std::uint8_t> message;
+  if (socket.receive(message) != link::ReceiveStatus::kMessage) return std::nullopt;
+  auto hello = runtime::read_hello(message);
+  if (!hello) return std::nullopt;
+  return Joined{std::move(*hello), std::move(socket)};
+}
+
+}  // namespace
+
+Broker::Broker(std::string bus_name)
+    : bus_name_{std::move(bus_name)}, listener_{link::listen_embedded_bus(bus_name_)} {}
+
+Broker::~Broker() {
+  link::remove_embedded_bus(bus_name_);
+}
+
+std::optional<std::vector<Joined>> Broker::wait_for(std::span<const std::string> names,
+                                                    const std::function<bool()>& give_up) {
+  std::vector<std::optional<Joined>> found(names.size());
+  while (!std::ranges::all_of(found, [](const auto& joined) { return joined.has_value(); })) {
+    if (give_up()) return std::nullopt;
+    auto joined = accept_program(listener_);
+    if (!joined) continue;
+    const auto wanted = std::ranges::find(names, joined->hello.name);
+    if (wanted == names.end()) continue;  // A stranger: its socket closes here, and it sees that.
+    found[static_cast<std::size_t>(wanted - names.begin())] = std::move(joined);
+  }
+  std::vector<Joined> result;
+  for (auto& joined : found) result.push_back(std::move(*joined));
+  return result;
+}
+
+bool welcome(Joined& joined, const link::Welcome& welcome) {
+  link::MessageWriter writer;
+  runtime::write_welcome(writer, welcome);
+  return joined.socket.send(writer.bytes());
+}
+
+void stop(Joined& joined) {
+  link::MessageWriter writer;
+  writer.begin(link::MessageType::kStop);
+  // Not send(): the other end may hang with a full queue. It then finds the socket closed.
+  static_cast<void>(joined.socket.try_send(writer.bytes()));
+}
+
+SocketPort::SocketPort(Joined& joined) : joined_{joined} {
+  joined_.socket.set_timeout(kWatchdog);
+}
+
+runtime::PortStatus SocketPort::wake(const Wakeup& in, Outbox& out, std::span<double> signals) {
+  runtime::write_wake(writer_, in);
+  if (!joined_.socket.send(writer_.bytes())) return runtime::PortStatus::kGone;
+  std::span<const std::uint8_t> message;
+  while (true) {
+    switch (joined_.socket.receive(message)) {
+      case link::ReceiveStatus::kMessage:
+        if (runtime::stop_requested()) return runtime::PortStatus::kInterrupted;
+        return runtime::read_done(message, out, signals) ? runtime::PortStatus::kOk : runtime::PortStatus::kNonsense;
+      case link::ReceiveStatus::kTimeout:
+        return runtime::PortStatus::kHanging;
+      case link::ReceiveStatus::kClosed:
+        return runtime::PortStatus::kGone;
+      case link::ReceiveStatus::kInterrupted:
+        if (runtime::stop_requested()) return runtime::PortStatus::kInterrupted;
+    }
+  }
+}
+
+}  // namespace meltbench::bus

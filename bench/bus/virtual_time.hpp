@@ -1,0 +1,58 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "bench/bus/run_observer.hpp"
+#include "protocols/runtime/participant_port.hpp"
+
+namespace meltbench::bus {
+
+/// Runs participants in virtual time on an ideal bus: frames cross at once, computing takes no time.
+///
+/// Exactly one participant runs at a time: the one whose next instant is the earliest, and of several the one with the
+/// lowest number. A frame reaches everybody but its sender at the instant of its sending. So equal participants with
+/// equal seeds give equal runs, to the last bit, whether they are objects of this process or processes of their own.
+///
+/// Every participant is woken at least at each multiple of the record period, so that a row holds what is true then
+/// (unless it asked for kDeadlineOnly).
+class VirtualTime {
+ public:
+  /// @param ports  participants in the order of their numbers; they and the observer outlive this object.
+  /// @pre record_period > 0.
+  VirtualTime(std::span<runtime::ParticipantPort* const> ports, Nanos record_period, RunObserver& observer);
+
+  /// Runs from Instant{0} up to and including Instant{duration}. Returns early, with the reason, when a participant is
+  /// lost, when the user interrupts, or when participants keep answering each other without time passing.
+  /// Cost beside the participants' own: about 0.1 us per wake-up, no allocation in the steady state.
+  [[nodiscard]] RunOutcome run(Nanos duration);
+
+ private:
+  struct Party {
+    runtime::ParticipantPort* port = nullptr;
+    std::vector<can::StampedFrame> inbox;
+    Instant deadline{};
+    WakeOn wake_on = WakeOn::kArrivalOrDeadline;
+    Instant next_record{};
+    std::size_t first_signal = 0;
+    std::size_t signal_count = 0;
+  };
+
+  [[nodiscard]] static Instant next_wake(const Party& party);
+  [[nodiscard]] std::size_t choose_next() const;
+  [[nodiscard]] runtime::PortStatus wake(std::size_t number);
+  void carry(std::size_t sender);
+  void write_rows_before(Instant now);
+  [[nodiscard]] RunOutcome end(RunOutcome::Kind kind, std::string text) const;
+
+  std::vector<Party> parties_;
+  Nanos record_period_;
+  RunObserver& observer_;
+  Instant now_{};
+  Instant next_row_{};
+  std::vector<double> values_;
+  std::vector<can::StampedFrame> taken_;  ///< The inbox of who is being woken.
+  Outbox out_;
+};
+
+}  // namespace meltbench::bus

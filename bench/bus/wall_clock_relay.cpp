@@ -1,0 +1,134 @@
+#include "bench/bus/wall_clock_relay.hpp"
+
+#include <fmt/format.h>
+#include <poll.h>
+
+#include <algorithm>
+
+#include "protocols/runtime/real_time_driver.hpp"
+#include "protocols/runtime/stop_signal.hpp"
+
+namespace meltbench::bus {
+namespace {
+
+/// A row waits this many record periods for the reports of its instant.
+constexpr int kRowDelayPeriods = 3;
+constexpr Nanos kStartDelay = 20ms;  // From the welcome to Instant{0}: all have read it by then.
+
+}  // namespace
+
+WallClockRelay::WallClockRelay(std::span<Joined> joined, link::CanLink* kernel_bus, Nanos record_period,
+                               RunObserver& observer)
+    : kernel_bus_{kernel_bus}, record_period_{record_period}, observer_{observer} {
+  for (Joined& program : joined) {
+    Party party;
+    party.joined = &program;
+    party.first_signal = signals_.size();
+    signals_.insert(signals_.end(), program.hello.signals.begin(), program.hello.signals.end());
+    const auto own = runtime::real_time_signals(program.hello.name);
+    signals_.insert(signals_.end(), own.begin(), own.end());
+    party.signal_count = signals_.size() - party.first_signal;
+    parties_.push_back(std::move(party));
+  }
+  values_.resize(signals_.size());
+}
+
+RunOutcome WallClockRelay::run(Nanos duration, double speed) {
+  const Nanos start = runtime::read_monotonic() + kStartDelay;
+  clock_ = runtime::RealTimeClock{start, speed};
+  for (Party& party : parties_) {
+    party.heard_of = start;
+    party.gone = !welcome(*party.joined, {link::Pace::kWallClock, speed, start, record_period_});
+  }
+  const Nanos end = clock_.to_monotonic(Instant{duration});
+  RunOutcome outcome;
+  while (runtime::read_monotonic() < end && outcome.text.empty()) {
+    wait(std::min(end, runtime::read_monotonic() + 10ms));
+    for (std::size_t number = 0; number < parties_.size(); ++number) read_messages(number);
+    read_kernel_bus();
+    write_rows_until(clock_.now() - kRowDelayPeriods * record_period_);
+    if (runtime::stop_requested()) outcome = {RunOutcome::Kind::kInterrupted, "interrupted", {}, 0};
+    if (const std::string lost = find_lost(); !lost.empty()) {
+      outcome = {RunOutcome::Kind::kParticipantLost, lost, {}, 0};
+    }
+  }
+  outcome.at = std::min(clock_.now(), Instant{duration});
+  outcome.lost_frames = lost_frames_;
+  write_rows_until(outcome.at);
+  return outcome;
+}
+
+void WallClockRelay::wait(Nanos until) const {
+  std::vector<pollfd> watched;
+  for (const Party& party : parties_) {
+    if (!party.gone) watched.push_back({party.joined->socket.fd(), POLLIN, 0});
+  }
+  if (kernel_bus_ != nullptr) watched.push_back({kernel_bus_->fd(), POLLIN, 0});
+  const Nanos span = std::max(until - runtime::read_monotonic(), 0ns);
+  const timespec timeout{span / 1s, (span % 1s).count()};
+  ::ppoll(watched.data(), watched.size(), &timeout, nullptr);
+}
+
+void WallClockRelay::read_messages(std::size_t number) {
+  Party& party = parties_[number];
+  std::span<const std::uint8_t> message;
+  while (!party.gone) {
+    const link::ReceiveStatus status = party.joined->socket.try_receive(message);
+    if (status == link::ReceiveStatus::kClosed) party.gone = true;
+    if (status != link::ReceiveStatus::kMessage) return;
+    party.heard_of = runtime::read_monotonic();
+    if (const auto stamped = runtime::read_frame(message)) {
+      carry(number, stamped->at.since_start, stamped->frame);
+      continue;
+    }
+    Report report{{}, std::vector<double>(party.signal_count)};
+    if (const auto at = runtime::read_report(message, events_, report.values)) {
+      report.at = *at;
+      party.reports.push_back(std::move(report));
+      for (const Event& event : events_) observer_.on_event(number, event);
+    }
+  }
+}
+
+void WallClockRelay::read_kernel_bus() {
+  if (kernel_bus_ == nullptr || !kernel_bus_->is_up()) return;
+  while (const auto received = kernel_bus_->receive()) carry(kOutsideSender, received->at_monotonic, received->frame);
+}
+
+void WallClockRelay::carry(std::size_t sender, Nanos at_monotonic, const can::CanFrame& frame) {
+  last_frame_at_ = std::max({last_frame_at_, clock_.to_instant(at_monotonic), Instant{}});
+  observer_.on_frame({last_frame_at_, frame}, sender);
+  if (sender == kOutsideSender) return;  // The kernel has carried it already.
+  runtime::write_frame(writer_, at_monotonic, frame);
+  for (std::size_t number = 0; number < parties_.size(); ++number) {
+    if (number == sender || parties_[number].gone) continue;
+    if (parties_[number].joined->socket.try_send(writer_.bytes()) == link::SendStatus::kFull) ++lost_frames_;
+  }
+}
+
+void WallClockRelay::write_rows_until(Instant at) {
+  for (; next_row_ <= at; next_row_ += record_period_) {
+    for (Party& party : parties_) {
+      while (!party.reports.empty() && party.reports.front().at <= next_row_) {
+        std::ranges::copy(party.reports.front().values,
+                          values_.begin() + static_cast<std::ptrdiff_t>(party.first_signal));
+        party.reports.pop_front();
+      }
+    }
+    observer_.on_row(next_row_, values_);
+  }
+}
+
+std::string WallClockRelay::find_lost() const {
+  for (const Party& party : parties_) {
+    const double at_s = to_s(clock_.now());
+    if (party.gone) return fmt::format("{} has died at {:.3f} s of the run", party.joined->hello.name, at_s);
+    if (runtime::read_monotonic() - party.heard_of > kWatchdog) {
+      return fmt::format("{} hangs: nothing heard of it since {:.3f} s of the run", party.joined->hello.name,
+                         to_s(clock_.to_instant(party.heard_of)));
+    }
+  }
+  return {};
+}
+
+}  // namespace meltbench::bus

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <deque>
+#include <span>
+#include <vector>
+
+#include "bench/bus/broker.hpp"
+#include "bench/bus/run_observer.hpp"
+#include "protocols/link/can_link.hpp"
+#include "protocols/runtime/real_time_clock.hpp"
+
+namespace meltbench::bus {
+
+/// Runs participants at wall-clock pace: hands the frames of each to all others, or listens on the kernel bus that they
+/// use, and writes down what they report. A participant that is slow to take its frames loses them, and is counted; it
+/// never holds up the others.
+class WallClockRelay {
+ public:
+  /// @param joined  in the order of their numbers.  @param kernel_bus  the bus to listen on; null: carry the frames.
+  WallClockRelay(std::span<Joined> joined, link::CanLink* kernel_bus, Nanos record_period, RunObserver& observer);
+
+  /// Welcomes everybody, runs for `duration` of bench time at `speed` bench seconds per second.
+  [[nodiscard]] RunOutcome run(Nanos duration, double speed);
+
+  /// Signals of all participants, with those of their real-time drivers, in the order of on_row's values.
+  [[nodiscard]] const std::vector<SignalInfo>& signals() const { return signals_; }
+
+ private:
+  struct Report {
+    Instant at;
+    std::vector<double> values;
+  };
+  struct Party {
+    Joined* joined = nullptr;
+    std::size_t first_signal = 0;
+    std::size_t signal_count = 0;
+    std::deque<Report> reports;  ///< Newer than the last row.
+    Nanos heard_of{};            ///< CLOCK_MONOTONIC.
+    bool gone = false;
+  };
+
+  void wait(Nanos until) const;
+  void read_messages(std::size_t number);
+  void read_kernel_bus();
+  void carry(std::size_t sender, Nanos at_monotonic, const can::CanFrame& frame);
+  void write_rows_until(Instant at);
+  [[nodiscard]] std::string find_lost() const;
+
+  std::vector<Party> parties_;
+  link::CanLink* kernel_bus_;
+  Nanos record_period_;
+  RunObserver& observer_;
+  runtime::RealTimeClock clock_{Nanos{}, 1.0};
+  std::vector<SignalInfo> signals_;
+  std::vector<double> values_;
+  std::vector<Event> events_;
+  link::MessageWriter writer_;
+  Instant last_frame_at_{};
+  Instant next_row_{};
+  std::uint64_t lost_frames_ = 0;
+};
+
+}  // namespace meltbench::bus

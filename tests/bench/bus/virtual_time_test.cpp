@@ -1,0 +1,194 @@
+#include "bench/bus/virtual_time.hpp"
+
+#include <sys/socket.h>
+
+#include <array>
+#include <catch2/catch.hpp>
+#include <sstream>
+#include <thread>
+
+#include "bench/bus/broker.hpp"
+#include "protocols/can/candump.hpp"
+#include "protocols/runtime/lockstep_driver.hpp"
+#include "tests/bench/bus/toy_participants.hpp"
+
+using namespace meltbench;
+using namespace meltbench::bus;
+using runtime::InProcessPort;
+using runtime::ParticipantPort;
+using test::Echo;
+using test::Metronome;
+
+namespace {
+
+/// Writes down everything as text, so that two runs can be compared.
+class TextObserver final : public RunObserver {
+ public:
+  void on_frame(const can::StampedFrame& frame, std::size_t sender) override {
+    text << frame.at.since_start.count() << ' ' << sender << ' ' << can::to_candump(frame.frame) << '\n';
+    ++frames;
+  }
+  void on_row(Instant at, std::span<const double> values) override {
+    text << "row " << at.since_start.count();
+    for (const double value : values) text << ' ' << value;
+    text << '\n';
+    rows.push_back(at);
+    last_row.assign(values.begin(), values.end());
+  }
+  void on_event(std::size_t participant, const Event& event) override {
+    text << "event " << participant << ' ' << event.code << '\n';
+  }
+  std::ostringstream text;
+  int frames = 0;
+  std::vector<Instant> rows;
+  std::vector<double> last_row;
+};
+
+/// A participant behind a socket, answering from a thread of its own as a process would.
+class RemoteParticipant {
+ public:
+  explicit RemoteParticipant(std::unique_ptr<Participant> participant) : participant_{std::move(participant)} {
+    std::array<int, 2> ends{};
+    REQUIRE(::socketpair(AF_UNIX, SOCK_SEQPACKET, 0, ends.data()) == 0);
+    runtime::Hello hello{std::string{participant_->name()}, true, {}};
+    hello.signals.assign(participant_->signals().begin(), participant_->signals().end());
+    joined_ = std::make_unique<Joined>(Joined{hello, link::BenchSocket{link::UniqueFd{ends[0]}}});
+    thread_ = std::thread{[this, fd = ends[1]] {
+      link::BenchSocket socket{link::UniqueFd{fd}};
+      static_cast<void>(runtime::run_lockstep(*participant_, socket));
+    }};
+  }
+  ~RemoteParticipant() {
+    stop(*joined_);
+    thread_.join();
+  }
+  Joined& joined() { return *joined_; }
+
+ private:
+  std::unique_ptr<Participant> participant_;
+  std::unique_ptr<Joined> joined_;
+  std::thread thread_;
+};
+
+}  // namespace
+
+TEST_CASE("Virtual time: a frame and its answer cross at the instant of its sending", "[bus]") {
+  Metronome metronome{"metronome", 0x100, 10ms};
+  Echo echo;
+  InProcessPort a{metronome};
+  InProcessPort b{echo};
+  const std::array<ParticipantPort*, 2> ports{&a, &b};
+  TextObserver observer;
+  const RunOutcome outcome = VirtualTime{ports, 10ms, observer}.run(20ms);
+  CHECK(outcome.kind == RunOutcome::Kind::kCompleted);
+  CHECK(outcome.at == Instant{20ms});
+  CHECK(observer.text.str() ==
+        "0 0 100#01\n0 1 200#01\nrow 0 1 1\n"
+        "10000000 0 100#02\n10000000 1 200#02\nrow 10000000 2 2\n"
+        "20000000 0 100#03\n20000000 1 200#03\nrow 20000000 3 3\n");
+}
+
+TEST_CASE("Virtual time: of two participants due at one instant the lower number goes first", "[bus]") {
+  Metronome first{"first", 0x700, 5ms};
+  Metronome second{"second", 0x701, 5ms};
+  InProcessPort a{first};
+  InProcessPort b{second};
+  TextObserver forward;
+  TextObserver backward;
+  SECTION("as numbered") {
+    const std::array<ParticipantPort*, 2> ports{&a, &b};
+    CHECK(VirtualTime{ports, 5ms, forward}.run(0ms).kind == RunOutcome::Kind::kCompleted);
+    CHECK(forward.text.str().starts_with("0 0 700#01\n0 1 701#01\n"));
+  }
+  SECTION("numbered the other way") {
+    const std::array<ParticipantPort*, 2> ports{&b, &a};
+    CHECK(VirtualTime{ports, 5ms, backward}.run(0ms).kind == RunOutcome::Kind::kCompleted);
+    CHECK(backward.text.str().starts_with("0 0 701#01\n0 1 700#01\n"));
+  }
+}
+
+TEST_CASE("Virtual time: rows stand at whole multiples of the record period and hold what is true then", "[bus]") {
+  Metronome metronome{"metronome", 0x700, 7ms};
+  InProcessPort port{metronome};
+  const std::array<ParticipantPort*, 1> ports{&port};
+  TextObserver observer;
+  static_cast<void>(VirtualTime{ports, 10ms, observer}.run(100ms));
+  REQUIRE(observer.rows.size() == 11);
+  CHECK(observer.rows.back() == Instant{100ms});
+  CHECK(observer.last_row[0] == 15);  // Sent at 0, 7, ..., 98 ms.
+}
+
+TEST_CASE("Virtual time: processes and objects give the same run to the last byte", "[bus]") {
+  TextObserver in_process;
+  {
+    Metronome metronome{"metronome", 0x100, 3ms};
+    Metronome other{"other", 0x250, 7ms};
+    Echo echo;
+    InProcessPort a{metronome};
+    InProcessPort b{other};
+    InProcessPort c{echo};
+    const std::array<ParticipantPort*, 3> ports{&a, &b, &c};
+    static_cast<void>(VirtualTime{ports, 10ms, in_process}.run(500ms));
+  }
+  TextObserver lockstep;
+  {
+    RemoteParticipant metronome{std::make_unique<Metronome>("metronome", 0x100, 3ms)};
+    RemoteParticipant other{std::make_unique<Metronome>("other", 0x250, 7ms)};
+    RemoteParticipant echo{std::make_unique<Echo>()};
+    SocketPort a{metronome.joined()};
+    SocketPort b{other.joined()};
+    SocketPort c{echo.joined()};
+    const std::array<ParticipantPort*, 3> ports{&a, &b, &c};
+    static_cast<void>(VirtualTime{ports, 10ms, lockstep}.run(500ms));
+  }
+  CHECK(in_process.frames > 400);
+  CHECK(in_process.text.str() == lockstep.text.str());
+}
+
+TEST_CASE("Virtual time: two that answer each other without end are stopped and named", "[bus]") {
+  class Parrot final : public Participant {
+   public:
+    [[nodiscard]] std::string_view name() const override { return "parrot"; }
+    [[nodiscard]] std::span<const SignalInfo> signals() const override { return {}; }
+    void read_signals(std::span<double>) const override {}
+    void wake(const Wakeup&, Outbox& out) override { out.send(can::make_frame(1, {})); }
+  };
+  Parrot one;
+  Parrot two;
+  InProcessPort a{one};
+  InProcessPort b{two};
+  const std::array<ParticipantPort*, 2> ports{&a, &b};
+  TextObserver observer;
+  const RunOutcome outcome = VirtualTime{ports, 10ms, observer}.run(1s);
+  CHECK(outcome.kind == RunOutcome::Kind::kParticipantLost);
+  CHECK_THAT(outcome.text, Catch::Contains("parrot"));
+}
+
+TEST_CASE("Lockstep: a participant whose process has died ends the run and is named", "[bus]") {
+  std::array<int, 2> ends{};
+  REQUIRE(::socketpair(AF_UNIX, SOCK_SEQPACKET, 0, ends.data()) == 0);
+  Joined joined{{"plant", true, {}}, link::BenchSocket{link::UniqueFd{ends[0]}}};
+  SocketPort port{joined};
+  const std::array<ParticipantPort*, 1> ports{&port};
+  TextObserver observer;
+  SECTION("died") {
+    { const link::UniqueFd closed{ends[1]}; }
+    const RunOutcome outcome = VirtualTime{ports, 10ms, observer}.run(1s);
+    CHECK(outcome.kind == RunOutcome::Kind::kParticipantLost);
+    CHECK_THAT(outcome.text, Catch::Contains("plant has died"));
+  }
+  SECTION("hangs") {
+    const link::UniqueFd silent{ends[1]};
+    const RunOutcome outcome = VirtualTime{ports, 10ms, observer}.run(1s);
+    CHECK(outcome.kind == RunOutcome::Kind::kParticipantLost);
+    CHECK_THAT(outcome.text, Catch::Contains("plant hangs"));
+  }
+  SECTION("answers nonsense") {
+    link::BenchSocket other{link::UniqueFd{ends[1]}};
+    const std::array<std::uint8_t, 3> nonsense{1, 2, 3};
+    REQUIRE(other.send(nonsense));
+    const RunOutcome outcome = VirtualTime{ports, 10ms, observer}.run(1s);
+    CHECK(outcome.kind == RunOutcome::Kind::kParticipantLost);
+    CHECK_THAT(outcome.text, Catch::Contains("plant sent nonsense"));
+  }
+}

@@ -1,0 +1,65 @@
+#include "protocols/runtime/bench_protocol.hpp"
+
+#include <catch2/catch.hpp>
+#include <random>
+
+using namespace meltbench;
+using namespace meltbench::runtime;
+
+TEST_CASE("Bench protocol: hello, wake, done and report come back as they were written", "[runtime]") {
+  link::MessageWriter writer;
+  write_hello(writer, {"plant", true, {{"plant.x_m", SignalKind::kValue}, {"plant.bad", SignalKind::kErrorCounter}}});
+  const auto hello = read_hello(writer.bytes());
+  REQUIRE(hello.has_value());
+  CHECK(hello->name == "plant");
+  REQUIRE(hello->signals.size() == 2);
+  CHECK(hello->signals[1].kind == SignalKind::kErrorCounter);
+
+  const std::vector<can::StampedFrame> sent{{Instant{1ms}, can::make_frame(1, {2})}};
+  write_wake(writer, {Instant{2ms}, sent, LinkState::kDown});
+  std::vector<can::StampedFrame> frames;
+  const auto in = read_wake(writer.bytes(), frames);
+  REQUIRE(in.has_value());
+  CHECK(in->now == Instant{2ms});
+  CHECK(in->link == LinkState::kDown);
+  CHECK(frames == sent);
+
+  Outbox out;
+  out.send(can::make_frame(3, {4}));
+  out.report(Severity::kFault, Instant{2ms}, "code", "text");
+  out.wake_at(Instant{5ms}, WakeOn::kDeadlineOnly);
+  const std::vector<double> signals{1.0, -0.0};
+  write_done(writer, out, signals);
+  Outbox back;
+  std::vector<double> read(2);
+  REQUIRE(read_done(writer.bytes(), back, read));
+  CHECK(back.frames().size() == 1);
+  CHECK(back.events().front().code == "code");
+  CHECK(back.events().front().severity == Severity::kFault);
+  CHECK(back.deadline() == Instant{5ms});
+  CHECK(back.wake_on() == WakeOn::kDeadlineOnly);
+  CHECK(read == signals);
+
+  write_report(writer, Instant{10ms}, out.events(), signals);
+  std::vector<Event> events;
+  CHECK(read_report(writer.bytes(), events, read) == Instant{10ms});
+  CHECK(events.size() == 1);
+}
+
+TEST_CASE("Bench protocol: random bytes are refused and harm nobody", "[runtime]") {
+  std::mt19937 draw{7};
+  std::vector<std::uint8_t> bytes;
+  std::vector<can::StampedFrame> frames;
+  std::vector<double> signals(3);
+  Outbox out;
+  int accepted = 0;
+  for (int i = 0; i < 20000; ++i) {
+    bytes.resize(draw() % 64);
+    for (auto& byte : bytes) byte = static_cast<std::uint8_t>(draw() % 256);
+    if (!bytes.empty()) bytes[0] = static_cast<std::uint8_t>(1 + draw() % 7);
+    accepted += read_hello(bytes).has_value() ? 1 : 0;
+    accepted += read_wake(bytes, frames).has_value() && !frames.empty() ? 1 : 0;
+    accepted += read_done(bytes, out, signals) && !out.frames().empty() ? 1 : 0;
+  }
+  CHECK(accepted == 0);
+}
