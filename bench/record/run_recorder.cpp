@@ -1,0 +1,228 @@
+#include "bench/record/run_recorder.hpp"
+
+#include <fmt/compile.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <cstring>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <system_error>
+#include <unordered_set>
+
+#include "bench/record/block_file.hpp"
+#include "protocols/can/candump.hpp"
+
+namespace meltbench::record {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::string_view kDevice = "bench";
+
+/// One JSON object as one line. Text that is not UTF-8 is repaired instead of thrown at: a recorder does not stop.
+void append_line(BlockFile& file, const Json& object) {
+  file.text() += object.dump(-1, ' ', false, Json::error_handler_t::replace);
+  file.text() += '\n';
+  file.end_line();
+}
+
+/// A text inside a one-line comment: line ends would start lines of their own.
+std::string one_line(std::string text) {
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20; }, ' ');
+  return text;
+}
+
+/// Seconds with nine decimals, exact.
+void append_time(std::string& out, Instant at) {
+  const auto ns = at.since_start.count();
+  fmt::format_to(std::back_inserter(out), FMT_COMPILE("{}.{:09}"), ns / 1'000'000'000, ns % 1'000'000'000);
+}
+
+void require_usable_names(const std::vector<SignalInfo>& signals) {
+  std::unordered_set<std::string_view> seen;
+  for (const SignalInfo& signal : signals) {
+    if (signal.name.empty() || signal.name.find_first_of(",\"\r\n") != std::string::npos) {
+      throw std::invalid_argument(
+          fmt::format("signal name \"{}\": must not be empty or hold a comma, a quote or a line end", signal.name));
+    }
+    if (!seen.insert(signal.name).second) {
+      throw std::invalid_argument(fmt::format("signal name \"{}\": given twice", signal.name));
+    }
+  }
+}
+
+Json describe_run(const Recording& recording) {
+  const RunInfo& info = recording.info;
+  Json counters = Json::array();
+  for (const SignalInfo& signal : recording.signals) {
+    if (signal.kind == SignalKind::kErrorCounter) counters.push_back(signal.name);
+  }
+  Json nodes = Json::object();
+  for (const NodeName& node : info.nodes) nodes[node.name] = node.node_id;
+  Json run{{"type", "run"},
+           {"scenario", info.scenario},
+           {"variant", info.variant},
+           {"title", info.title},
+           {"seed", info.seed},
+           {"duration_ns", info.duration.count()},
+           {"pace", info.pace},
+           {"real_plant", info.real_plant},
+           {"participants", info.participants},
+           {"nodes", std::move(nodes)},
+           {"bit_rate_bit_per_s", nullptr},
+           {"version", info.version},
+           {"repeat_command", info.repeat_command},
+           {"error_counters", std::move(counters)}};
+  if (info.bit_rate_bit_per_s) run["bit_rate_bit_per_s"] = *info.bit_rate_bit_per_s;
+  return run;
+}
+
+Json describe_end(const Ending& ending) {
+  Json end{{"type", "end"},
+           {"t_s", to_s(ending.at)},
+           {"reason", to_text(ending.reason)},
+           {"text", ending.text},
+           {"lost_frames", ending.lost_frames},
+           {"deadline_misses", ending.deadline_misses},
+           {"real_time_factor", nullptr}};
+  if (ending.real_time_factor) end["real_time_factor"] = *ending.real_time_factor;
+  return end;
+}
+
+std::string_view to_text(Severity severity) {
+  switch (severity) {
+    case Severity::kInfo:
+      return "info";
+    case Severity::kWarning:
+      return "warning";
+    case Severity::kFault:
+      return "fault";
+  }
+  return "fault";
+}
+
+}  // namespace
+
+/// The three open files, and the text of the last row: signals that stand still are not formatted again.
+struct RunRecorder::Files {
+  explicit Files(const std::filesystem::path& folder)
+      : bus{folder / "bus.log"}, signals{folder / "signals.csv"}, events{folder / "events.jsonl"} {}
+
+  struct Cell {
+    double value = 0;
+    std::array<char, 31> text{'0'};
+    std::uint8_t length = 1;
+  };
+
+  void append_cell(std::string& out, Cell& cell, double value) {
+    if (std::memcmp(&cell.value, &value, sizeof value) != 0) {
+      cell.value = value;
+      const char* end = fmt::format_to(cell.text.data(), FMT_COMPILE("{}"), value);
+      cell.length = static_cast<std::uint8_t>(end - cell.text.data());
+    }
+    out.append(cell.text.data(), cell.length);
+  }
+
+  BlockFile bus;
+  BlockFile signals;
+  BlockFile events;
+  std::vector<Cell> cells;
+};
+
+RunRecorder::RunRecorder(RunInfo info, std::vector<SignalInfo> signals, const std::filesystem::path& folder) {
+  require_usable_names(signals);
+  recording_.info = std::move(info);
+  recording_.signals = std::move(signals);
+  if (folder.empty()) return;
+
+  std::filesystem::create_directories(folder);
+  // A verdict on an older run must not stand beside the recording of a new one.
+  for (const char* stale : {"result.json", "junit.xml", "report.html"}) std::filesystem::remove(folder / stale);
+  files_ = std::make_unique<Files>(folder);
+  files_->cells.resize(recording_.signals.size());
+
+  const RunInfo& run = recording_.info;
+  files_->bus.text() += fmt::format("# {}\n# scenario {}, seed {}\n# time base: start of the run, {} pace\n",
+                                    one_line(run.version.empty() ? "meltbench" : run.version), one_line(run.label()),
+                                    run.seed, one_line(run.pace));
+  std::string& header = files_->signals.text();
+  header += "t_s";
+  for (const SignalInfo& signal : recording_.signals) header.append(",").append(signal.name);
+  header += '\n';
+  append_line(files_->events, describe_run(recording_));
+  flush();
+}
+
+RunRecorder::~RunRecorder() = default;
+
+void RunRecorder::frame(const can::StampedFrame& stamped, std::uint8_t sender) {
+  recording_.frames.push_back(stamped.at, stamped.frame, sender);
+  if (!files_) return;
+  can::append_log_line(files_->bus.text(), stamped.at, kDevice, stamped.frame);
+  files_->bus.end_line();
+}
+
+void RunRecorder::row(Instant at, std::span<const double> values) {
+  assert(values.size() == recording_.signals.size());
+  recording_.row_times.push_back(at);
+  recording_.values.insert(recording_.values.end(), values.begin(), values.end());
+  if (!files_) return;
+  std::string& line = files_->signals.text();
+  append_time(line, at);
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    line += ',';
+    files_->append_cell(line, files_->cells[i], values[i]);
+  }
+  line += '\n';
+  files_->signals.end_line();
+}
+
+void RunRecorder::event(std::string_view source, const Event& event) {
+  recording_.events.push_back(RecordedEvent{std::string{source}, event});
+  if (!files_) return;
+  append_line(files_->events, Json{{"type", "event"},
+                                   {"t_s", to_s(event.at)},
+                                   {"source", source},
+                                   {"severity", to_text(event.severity)},
+                                   {"code", event.code},
+                                   {"text", event.text}});
+  files_->events.flush();
+}
+
+void RunRecorder::flush() {
+  if (!files_) return;
+  files_->bus.flush();
+  files_->signals.flush();
+  files_->events.flush();
+}
+
+const Recording& RunRecorder::recording() const {
+  return recording_;
+}
+
+Recording RunRecorder::finish(Ending ending) {
+  recording_.ending = std::move(ending);
+  if (files_) {
+    files_->bus.flush();
+    files_->signals.flush();
+    for (const BlockFile* file : {&files_->bus, &files_->signals}) {
+      if (file->error().empty()) continue;
+      event("bench", Event{recording_.ending.at, Severity::kFault, "recording-failed", file->error()});
+    }
+    append_line(files_->events, describe_end(recording_.ending));
+    files_->events.flush();
+    if (!files_->events.error().empty()) {
+      recording_.events.push_back(
+          {"bench", Event{recording_.ending.at, Severity::kFault, "recording-failed", files_->events.error()}});
+    }
+    files_.reset();
+  }
+  return std::move(recording_);
+}
+
+}  // namespace meltbench::record

@@ -1,0 +1,267 @@
+#include "bench/record/run_recorder.hpp"
+
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <cstring>
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <limits>
+#include <string>
+
+#include "bench/record/load_recording.hpp"
+
+namespace meltbench::record {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A folder of its own that goes away with the test.
+class ScratchFolder {
+ public:
+  ScratchFolder() {
+    std::string name = (fs::temp_directory_path() / "meltbench_record_XXXXXX").string();
+    REQUIRE(::mkdtemp(name.data()) != nullptr);
+    path_ = name;
+  }
+  ~ScratchFolder() { fs::remove_all(path_); }
+  ScratchFolder(const ScratchFolder&) = delete;
+  ScratchFolder& operator=(const ScratchFolder&) = delete;
+  [[nodiscard]] const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
+
+std::string read_file(const fs::path& path) {
+  std::ifstream file{path, std::ios::binary};
+  return {std::istreambuf_iterator<char>{file}, {}};
+}
+
+RunInfo make_info() {
+  RunInfo info;
+  info.scenario = "step";
+  info.variant = "exact";
+  info.title = "A step, with \"quotes\" and é";
+  info.seed = 18'446'744'073'709'551'615U;
+  info.duration = 60s;
+  info.participants = {"plant", "controller"};
+  info.nodes = {{5, "feeder"}, {7, "screw_drive"}};
+  info.bit_rate_bit_per_s = 500'000;
+  info.version = "meltbench 0.1.0";
+  info.repeat_command = "meltbench run repro.toml --seed 1";
+  return info;
+}
+
+std::vector<SignalInfo> make_signals() {
+  return {{"plant.x_m"}, {"plant.rejected_feed_count", SignalKind::kErrorCounter}, {"controller.P_m"}};
+}
+
+const std::vector<double> kAwkward{0.1,          -0.0,          1.0 / 3.0, 5e-324, 1.7976931348623157e308,
+                                   0.16 + 1e-17, 123456789.125, 1e22};
+
+/// Two seconds of a run with frames of every kind.
+Recording record_run(const fs::path& folder) {
+  RunRecorder recorder{make_info(), make_signals(), folder};
+  can::CanFrame fd = can::make_frame(0x155, {1, 2, 3});
+  fd.fd = true;
+  fd.brs = true;
+  fd.length = 24;
+  for (std::uint8_t i = 0; i < 24; ++i) fd.bytes[i] = i;
+  can::CanFrame extended = can::make_frame(0x1, {9});
+  extended.extended = true;
+  extended.id = 0x12345678;
+  can::CanFrame error;
+  error.kind = can::FrameKind::kError;
+  error.id = 0x4;
+  error.length = 8;
+  for (int i = 0; i < 200; ++i) {
+    const Instant at{Nanos{i * 10'000'000LL + 7}};
+    recorder.frame({at, can::make_frame(0x80, {})}, 1);
+    recorder.frame({at, i % 3 == 0 ? fd : extended}, 0);
+    const double value = kAwkward[static_cast<std::size_t>(i) % kAwkward.size()];
+    recorder.row(at, std::vector<double>{value, i < 100 ? 0.0 : 1.0, i == 5 ? std::nan("") : value * 1.1});
+  }
+  recorder.frame({Instant{2s}, error}, kUnknownSender);
+  recorder.event("controller", {Instant{1500ms}, Severity::kWarning, "heartbeat-lost", "node 5\nsecond line"});
+  Ending ending;
+  ending.at = Instant{2s};
+  ending.lost_frames = 3;
+  return recorder.finish(ending);
+}
+
+bool same_bits(double a, double b) {
+  return std::memcmp(&a, &b, sizeof a) == 0 || (std::isnan(a) && std::isnan(b));
+}
+
+}  // namespace
+
+TEST_CASE("Run folder: what was recorded is read back to the last bit", "[record]") {
+  const ScratchFolder scratch;
+  const Recording written = record_run(scratch.path());
+  const Recording read = load_recording(scratch.path());
+
+  CHECK(read.notes.empty());
+  CHECK(read.info.label() == "step.exact");
+  CHECK(read.info.title == written.info.title);
+  CHECK(read.info.seed == written.info.seed);
+  CHECK(read.info.duration == 60s);
+  CHECK(read.info.participants == written.info.participants);
+  REQUIRE(read.info.nodes.size() == 2);
+  CHECK(read.info.nodes[1].name == "screw_drive");
+  CHECK(read.info.bit_rate_bit_per_s == 500'000U);
+  CHECK(read.ending.reason == EndReason::kCompleted);
+  CHECK(read.ending.at == Instant{2s});
+  CHECK(read.ending.lost_frames == 3);
+
+  REQUIRE(read.signals.size() == 3);
+  CHECK(read.signals[1].kind == SignalKind::kErrorCounter);
+  CHECK(read.row_times == written.row_times);
+  REQUIRE(read.values.size() == written.values.size());
+  for (std::size_t i = 0; i < read.values.size(); ++i) CHECK(same_bits(read.values[i], written.values[i]));
+
+  REQUIRE(read.frames.size() == written.frames.size());
+  for (std::size_t i = 0; i < read.frames.size(); ++i) {
+    CHECK(read.frames[i].at == written.frames[i].at);
+    CHECK(read.frames[i].frame == written.frames[i].frame);
+  }
+  CHECK(written.frames[1].sender == 0);
+  REQUIRE(read.events.size() == 1);
+  CHECK(read.events[0].source == "controller");
+  CHECK(read.events[0].event.text == "node 5\nsecond line");
+  CHECK(read.events[0].event.at == Instant{1500ms});
+}
+
+TEST_CASE("Run folder: two equal runs leave equal bytes", "[record]") {
+  const ScratchFolder first;
+  const ScratchFolder second;
+  record_run(first.path());
+  record_run(second.path());
+  for (const char* name : {"bus.log", "signals.csv", "events.jsonl"}) {
+    CHECK(read_file(first.path() / name) == read_file(second.path() / name));
+  }
+}
+
+TEST_CASE("Run folder: its files are the text that other tools read", "[record]") {
+  const ScratchFolder scratch;
+  record_run(scratch.path());
+  const std::string csv = read_file(scratch.path() / "signals.csv");
+  CHECK(csv.starts_with("t_s,plant.x_m,plant.rejected_feed_count,controller.P_m\n0.000000007,0.1,0,"));
+  const std::string log = read_file(scratch.path() / "bus.log");
+  CHECK(log.starts_with("# meltbench 0.1.0\n# scenario step.exact, seed 18446744073709551615\n"));
+  CHECK(log.find("\n(0000000000.010000) bench 080#\n(0000000000.010000) bench 12345678#09\n") != std::string::npos);
+}
+
+TEST_CASE("Run folder: a bench killed in the middle leaves whole lines and is read as cut short", "[record]") {
+  const ScratchFolder scratch;
+  const pid_t child = ::fork();
+  if (child == 0) {
+    RunRecorder recorder{make_info(), make_signals(), scratch.path()};
+    for (int i = 0; i < 20'000; ++i) {
+      const Instant at{Nanos{i * 10'000'000LL}};
+      recorder.frame({at, can::make_frame(0x185, {1, 2, 3, 4})}, 0);
+      recorder.row(at, std::vector<double>{0.1 * i, 0, 0.3 * i});
+    }
+    ::_exit(9);  // No destructor runs: what is in memory is lost, as under kill -9.
+  }
+  int status = 0;
+  REQUIRE(::waitpid(child, &status, 0) == child);
+
+  const Recording read = load_recording(scratch.path());
+  CHECK(read.ending.reason == EndReason::kCutShort);
+  REQUIRE(read.notes.size() == 1);
+  // At most one block of 64 KiB, about 1500 of these lines, is lost of each file.
+  CHECK(read.row_count() > 18'000);
+  CHECK(read.frames.size() > 18'000);
+  CHECK(read.ending.at == std::max(read.row_times.back(), read.frames.at(read.frames.size() - 1)));
+}
+
+TEST_CASE("Run folder: a torn last line is dropped with a note", "[record]") {
+  const ScratchFolder scratch;
+  record_run(scratch.path());
+  const fs::path csv = scratch.path() / "signals.csv";
+  fs::resize_file(csv, fs::file_size(csv) - 4);
+  const Recording read = load_recording(scratch.path());
+  CHECK(read.row_count() == 199);
+  REQUIRE(read.notes.size() == 1);
+  CHECK(read.notes[0].find("signals.csv: the last line is torn") != std::string::npos);
+}
+
+TEST_CASE("Run folder: a line that no recorder writes is refused with its place", "[record]") {
+  const ScratchFolder scratch;
+  record_run(scratch.path());
+  const auto damage = [&](const char* name, const std::string& line) {
+    std::ofstream{scratch.path() / name, std::ios::app} << line << '\n';
+  };
+  SECTION("signals") {
+    damage("signals.csv", "2.500000000,1,two,3");
+    CHECK_THROWS_WITH(load_recording(scratch.path()),
+                      Catch::EndsWith("signals.csv:202: the value of plant.rejected_feed_count is not a number"));
+  }
+  SECTION("time") {
+    damage("signals.csv", "0.500000000,1,2,3");
+    CHECK_THROWS_WITH(load_recording(scratch.path()), Catch::EndsWith("signals.csv:202: time runs backwards"));
+  }
+  SECTION("frames") {
+    damage("bus.log", "(0000000003.000000) bench 123#1");
+    CHECK_THROWS_AS(load_recording(scratch.path()), LoadError);
+  }
+  SECTION("events") {
+    damage("events.jsonl", "{\"type\": ");
+    CHECK_THROWS_AS(load_recording(scratch.path()), LoadError);
+  }
+  SECTION("nothing there") {
+    fs::remove(scratch.path() / "events.jsonl");
+    CHECK_THROWS_WITH(load_recording(scratch.path()), Catch::EndsWith("events.jsonl: cannot be read"));
+  }
+}
+
+TEST_CASE("Recorder: an older verdict does not survive beside a new recording", "[record]") {
+  const ScratchFolder scratch;
+  std::ofstream{scratch.path() / "result.json"} << "{\"held\": true}";
+  const RunRecorder recorder{make_info(), make_signals(), scratch.path()};
+  CHECK_FALSE(fs::exists(scratch.path() / "result.json"));
+}
+
+TEST_CASE("Recorder: a full disk does not stop the run, and is a fault in the recording", "[record]") {
+  if (!fs::exists("/dev/full")) return;
+  const ScratchFolder scratch;
+  fs::create_symlink("/dev/full", scratch.path() / "signals.csv");
+  const Recording recording = record_run(scratch.path());
+  CHECK(recording.row_count() == 200);
+  REQUIRE_FALSE(recording.events.empty());
+  CHECK(recording.events.back().event.code == "recording-failed");
+  CHECK(recording.events.back().event.severity == Severity::kFault);
+}
+
+TEST_CASE("Recorder: signal names that would break the table are refused", "[record]") {
+  CHECK_THROWS_AS(RunRecorder({}, {{"a,b"}}), std::invalid_argument);
+  CHECK_THROWS_AS(RunRecorder({}, {{"a"}, {"a"}}), std::invalid_argument);
+  CHECK_THROWS_AS(RunRecorder({}, {{""}}), std::invalid_argument);
+}
+
+TEST_CASE("Recorder: without a folder it keeps the run in memory and writes nothing", "[record]") {
+  RunRecorder recorder{make_info(), make_signals()};
+  recorder.row(Instant{}, std::vector<double>{1, 0, 2});
+  recorder.event("bench", {Instant{}, Severity::kInfo, "start", ""});
+  const Recording recording = recorder.finish({});
+  CHECK(recording.row_count() == 1);
+  CHECK(recording.value(0, 2) == 2.0);
+}
+
+TEST_CASE("Signal units: read from the end of the name", "[record]") {
+  CHECK(unit_of_signal("plant.x_m") == "m");
+  CHECK(unit_of_signal("plant.flow_kg_per_s") == "kg/s");
+  CHECK(unit_of_signal("feeder.set_point_kg_per_h") == "kg/h");
+  CHECK(unit_of_signal("plant.pressure_Pa") == "Pa");
+  CHECK(unit_of_signal("plant.heat_W_per_m2") == "W/m2");
+  CHECK(unit_of_signal("plant.U") == "");
+  CHECK(unit_of_signal("plant.delay_rate") == "");
+  CHECK(unit_of_signal("controller.U_command") == "");
+  CHECK(unit_of_signal("s") == "");
+}
+
+}  // namespace meltbench::record
