@@ -14,7 +14,7 @@ namespace meltbench::plant {
 /// State and outputs of the extruder at one instant.
 struct BizoneOutputs {
   double x_m = 0.0;              ///< Filled length.
-  double U = 0.0;                ///< Filling ratio at the inlet, mean over the last substep.
+  double U = 0.0;                ///< Filling ratio at the inlet, (D1), as much as fits.
   double U_at_interface = 0.0;   ///< Filling ratio of the material that reaches the filled zone now.
   double delay_s = 0.0;          ///< D: since when the material now arriving is under way. 0 when flooded.
   double delay_rate = 0.0;       ///< dD/dt. From 1 on, feed no longer arrives (paper reading only).
@@ -24,7 +24,7 @@ struct BizoneOutputs {
   double encoder_m = 0.0;        ///< s, as an encoder on the screw shows it: without the fluctuation if that is slip.
   double encoder_m_per_s = 0.0;  ///< Its rate.
   double feed_kg_per_s = 0.0;    ///< F_in.
-  double flow_kg_per_s = 0.0;    ///< F_d through the nozzle, (D4).
+  double flow_kg_per_s = 0.0;    ///< F_d through the nozzle, (D5).
   double pressure_Pa = 0.0;      ///< dP over the nozzle, (D6).
   bool flooded = false;          ///< x = L.
   double spill_m = 0.0;          ///< Feed refused since the start because flooded, metres of full channel.
@@ -74,17 +74,16 @@ class BizoneExtruder {
  private:
   void advance_substep(double t_next);
   [[nodiscard]] double flow_kg_per_s() const;
-  void read_delay(const ParcelPlant& plant, BizoneOutputs& out) const;
-  void read_delay(const FrozenDelayPlant& plant, BizoneOutputs& out) const;
+  void read_plant(const ParcelPlant& plant, BizoneOutputs& out) const;
+  void read_plant(const FrozenDelayPlant& plant, BizoneOutputs& out) const;
 
   BizoneParameters parameters_;
-  double speed_before_;  // theta1 at t < 0: material that entered then moved at this speed.
+  double speed_before_m_per_s_;  // theta1 at t < 0: what entered then moved at this speed.
   ScrewClock clock_;
   std::variant<ParcelPlant, FrozenDelayPlant> plant_;
   Instant now_{};
-  double t_ = 0.0, s_ = 0.0;
+  double t_ = 0.0;  // now_ in seconds.
   double feed_kg_per_s_;
-  double U_;
   double rejected_feed_kg_ = 0.0;
 };
 

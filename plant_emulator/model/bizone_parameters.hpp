@@ -86,7 +86,7 @@ struct BizoneParameters {
 /// "none", "A", "B"; empty if there is no such case.
 [[nodiscard]] std::optional<FluctuationCase> find_fluctuation_case(std::string_view name);
 
-/// Feed beyond this filling ratio does not fit into the throat. A full channel (1) would make (D5) singular.
+/// Feed beyond this filling ratio does not fit into the throat. A full channel (1) would make (D7) singular.
 inline constexpr double kMaxFillRatio = 0.999;
 
 }  // namespace meltbench::plant

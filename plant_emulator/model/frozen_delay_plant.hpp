@@ -19,14 +19,16 @@ namespace meltbench::plant {
 /// Real time: no heap after construction; the number of substeps per call is bounded (kMaxSubsteps).
 class FrozenDelayPlant {
  public:
-  FrozenDelayPlant(double length_m, double theta2_per_m, double x0_m, double U_before, std::size_t max_samples = 65536);
+  /// @param clock  as it runs at t = 0 and ran before.
+  FrozenDelayPlant(double length_m, double theta2_per_m, double x0_m, double U_before, const ScrewClock& clock,
+                   std::size_t max_samples = 65536);
 
   /// Integrates up to t with inlet filling ratio U held since the previous call.
   /// @pre t not before the previous one; 0 <= U <= kMaxFillRatio; the clock has not been changed since the previous t.
   void advance(double t_s, double U, const ScrewClock& clock);
 
   [[nodiscard]] double x_m() const { return x_; }
-  [[nodiscard]] double U_at_interface() const { return u_; }
+  [[nodiscard]] double U_at_interface() const { return samples_[current_].U; }
   [[nodiscard]] bool flooded() const { return flooded_; }
   [[nodiscard]] double spill_m() const { return spill_m_; }
 
@@ -48,24 +50,21 @@ class FrozenDelayPlant {
   };
 
   [[nodiscard]] double calc_phi(double t, double x, const ScrewClock& clock) const;
-  [[nodiscard]] double calc_rate(double t, double x, double u, const ScrewClock& clock) const;
-  [[nodiscard]] Step step(double h, const ScrewClock& clock) const;
-  [[nodiscard]] double calc_step_s(double t_end, const ScrewClock& clock) const;
+  [[nodiscard]] Step try_step(double h, const ScrewClock& clock) const;
+  [[nodiscard]] double calc_max_step_s(const ScrewClock& clock) const;
+  [[nodiscard]] double calc_crossing_s(double h, double phi_end, double boundary, const ScrewClock& clock) const;
   [[nodiscard]] double sample_begin() const;
-  [[nodiscard]] double sample_end() const;
-  [[nodiscard]] double fed_until(double t, const ScrewClock& clock) const;
+  [[nodiscard]] double calc_fed_m(double t, const ScrewClock& clock) const;
+  void append(double t_end, double U, const ScrewClock& clock);
   void select_sample(double phi);
   void take(double h, const Step& to, const ScrewClock& clock);
-  bool step_to_boundary(double h, double boundary, bool upwards, const ScrewClock& clock);
 
   double L_, theta2_;
-  Ring<Sample> samples_;
-  std::size_t current_ = 0;  // Sample that phi is in; 0 = before the oldest kept one begins.
-  double U_before_;
-  double t_ = 0.0, x_, u_;
+  Ring<Sample> samples_;     // The oldest one holds for ever before its end.
+  std::size_t current_ = 0;  // The one that phi lies in.
+  double t_ = 0.0, x_;
   bool flooded_ = false;
   double outflow_m_ = 0.0, spill_m_ = 0.0, content0_m_ = 0.0;
-  bool content0_known_ = false;
 };
 
 }  // namespace meltbench::plant

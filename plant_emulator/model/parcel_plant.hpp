@@ -38,17 +38,19 @@ class ParcelPlant {
 
   [[nodiscard]] double x_m() const { return x_; }
   /// Filling ratio of the material that now reaches the filled zone.
-  [[nodiscard]] double U_at_interface() const;
+  [[nodiscard]] double U_at_interface() const { return arriving_parcel().U; }
   [[nodiscard]] bool flooded() const { return flooded_; }
 
-  /// Entry coordinate y of the material now arriving [m], and the parcel it belongs to, for its time of entry.
+  /// Entry coordinate y of the material now arriving [m]: the conveyed length when it entered.
   [[nodiscard]] double arriving_y_m() const { return y_; }
-  /// Begin and end of the parcel that is arriving. The first parcel (before the start) begins nowhere: see has_begin.
-  struct ArrivingParcel {
+
+  /// Material that entered with one filling ratio. What entered before the start begins at minus infinity.
+  struct Parcel {
     ClockPoint begin, end;
-    bool has_begin = false;
+    double U = 0.0;
   };
-  [[nodiscard]] ArrivingParcel arriving_parcel() const;
+  /// The parcel that arriving_y_m() lies in, to find out when it entered.
+  [[nodiscard]] const Parcel& arriving_parcel() const { return parcels_.empty() ? last_ : parcels_.front(); }
 
   /// All material in the barrel, as metres of full channel: x + int_x^L u dz.
   [[nodiscard]] double content_m() const { return x_ + in_transit_m_; }
@@ -57,7 +59,7 @@ class ParcelPlant {
   [[nodiscard]] double inflow_m() const { return inflow_m_; }  ///< int U ds since the start.
   [[nodiscard]] double outflow_m() const {
     return outflow_m_;
-  }                                                          ///< int v(x) ds since the start, by quadrature of (D4).
+  }                                                          ///< int v(x) ds since the start, by quadrature of (D11).
   [[nodiscard]] double spill_m() const { return spill_m_; }  ///< Refused because flooded.
   /// Content minus what the flows say it should be, (D12). Shows a fault of the solver; rounding keeps it < 1e-8 m.
   [[nodiscard]] double mass_residual_m() const {
@@ -66,26 +68,20 @@ class ParcelPlant {
   [[nodiscard]] std::size_t merged_parcels() const { return merged_parcels_; }
 
  private:
-  struct Parcel {
-    ClockPoint end;
-    double U = 0.0;
-  };
-
   [[nodiscard]] double calc_P(double P0, double d, double U) const;
+  [[nodiscard]] double calc_arrival_distance(double rest, double d_max, double U) const;
   void append(ClockPoint to, double U);
-  void consume_to(double s);
+  void consume();
   void convey(double d, double P_end, double U);
-  void pop();
+  void flood(const Parcel& parcel);
 
   double L_, theta2_;
-  Ring<Parcel> parcels_;     // From the one now arriving to the one at the inlet.
-  ClockPoint popped_end_{};  // End of the last parcel that has arrived whole: the begin of the front one.
-  bool any_popped_ = false;
-  double s_ = 0.0;  // Conveyed so far.
-  double x_, y_;    // Filled length; entry coordinate of the material that arrives now.
-  double U_last_;
+  Ring<Parcel> parcels_;  // From the one now arriving to the one at the inlet.
+  Parcel last_;           // The newest, even if it has arrived already.
+  ClockPoint now_;
+  double x_, y_;  // Filled length; entry coordinate of the material that arrives now.
   bool flooded_ = false;
-  double content0_m_, in_transit_m_;
+  double in_transit_m_, content0_m_;
   double inflow_m_ = 0.0, outflow_m_ = 0.0, spill_m_ = 0.0;
   std::size_t merged_parcels_ = 0;
 };
