@@ -16,9 +16,9 @@ namespace meltbench::plant {
 
 /// How the solid phase is discretised.
 enum class MeltDiscretisation {
-  kThirdOrderUpwind,      ///< The default ("fd3"): third-order upwind-biased advection on a graded grid.
-  kScharfetterGummel,     ///< Independent check ("sgt"): conservative, monotone, first order, exact at steady state.
-  kCoarseTwoPointSlope,   ///< For comparison only: uniform upwind cells, front slope from two points. Wrong by Pe.
+  kThirdOrderUpwind,     ///< The default ("fd3"): third-order upwind-biased advection on a graded grid.
+  kScharfetterGummel,    ///< Independent check ("sgt"): conservative, monotone, first order, exact at steady state.
+  kCoarseTwoPointSlope,  ///< For comparison only: uniform upwind cells, front slope from two points. Wrong by Pe.
 };
 
 /// Grids and steps of a MeltFront.
@@ -110,7 +110,7 @@ class MeltFront {
   void calc_barrel_heat_W_per_m2(const MeltBarrel& barrel, std::span<double> heat_W_per_m2) const noexcept;
 
   /// Energy identity of (M1), (M3), (M5), accounted since start [m of front]:
-  ///   d/dt [ s + c_s/ΔH ∫(T_m - T_s) ] = -β k_l T_l,x(s) - β q_f + c_s/ΔH [ b (T_m - T_s(0)) - h_s ∫(T_b - T_s) ]  (M6)
+  ///   d/dt [ s + c_s/ΔH ∫(T_m - T_s) ] = -β k_l T_l,x(s) - β q_f + c_s/ΔH [ b (T_m - T_s(0)) - h_s ∫(T_b - T_s) ] (M6)
   /// stored = left side integrated, supplied = right side; their difference is the discretisation's energy error.
   [[nodiscard]] double energy_stored_m() const noexcept;
   [[nodiscard]] double energy_supplied_m() const noexcept { return energy_supplied_m_; }

@@ -9,8 +9,8 @@
 
 namespace meltbench::plant {
 
-/// The liquid phase by Scharfetter-Gummel (see make_scharfetter_gummel_solid). Nodes η_0 = 0 ... η_M = 1,
-/// x = s + (L - s) η; T(η_0) = T_m always. Tried and accepted as MeltSolid is.
+/// The liquid phase by Scharfetter-Gummel. Nodes η_0 = 0 ... η_M = 1, x = s + (L - s) η; T(η_0) = T_m always.
+/// A step is tried, then accepted, as in MeltSolid.
 class MeltLiquid {
  public:
   MeltLiquid(const MeltParameters& parameters, std::vector<double> nodes);
@@ -18,6 +18,7 @@ class MeltLiquid {
   /// Computes the temperatures after the step. Returns T_l,x at the front [K/m].
   double try_step(const MeltPhaseStep& step) noexcept;
   void accept() noexcept;
+  /// Sets the state; size must be nodes().size(), else std::invalid_argument.
   void set_T_degC(std::span<const double> T_degC);
 
   [[nodiscard]] std::span<const double> nodes() const noexcept { return nodes_; }
@@ -32,6 +33,10 @@ class MeltLiquid {
   std::vector<double> T_;
   std::vector<double> trial_;
   ScharfetterGummelStep scheme_;
+  std::vector<double> x_old_;
+  std::vector<double> x_new_;
+  std::vector<double> u_old_;
+  std::vector<double> offset_;
 };
 
 }  // namespace meltbench::plant

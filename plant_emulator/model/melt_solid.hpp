@@ -14,9 +14,9 @@ namespace meltbench::plant {
 /// One implicit Euler step of a phase, with a trial front speed.
 struct MeltPhaseStep {
   double dt_s;
-  double speed_m_per_s;        ///< b.
+  double speed_m_per_s;  ///< b.
   double front_old_m;
-  double front_new_m;          ///< = front_old + dt * front_speed, else the mesh creates heat.
+  double front_new_m;  ///< = front_old + dt * front_speed, else the mesh creates heat.
   double front_speed_m_per_s;
   MeltBarrel barrel;
 };

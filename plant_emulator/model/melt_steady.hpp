@@ -12,8 +12,8 @@ namespace meltbench::plant {
 ///
 /// P1L = p1 e^{q1 (L-s_r)}: p1 itself is below the smallest double at every speed of interest.
 struct MeltSteadyState {
-  double front_m;       ///< s_r.
-  double T_barrel_degC; ///< T_b.
+  double front_m;        ///< s_r.
+  double T_barrel_degC;  ///< T_b.
   double length_m;
   double q1_1_per_m, q2_1_per_m, q3_1_per_m, q4_1_per_m;  ///< (12), (13).
   double P1L_K, p2_K, p3_K, p4_K;                         ///< (14)-(17).

@@ -1,0 +1,249 @@
+#include "plant_emulator/model/melt_front.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "plant_emulator/model/melt_grid.hpp"
+
+namespace meltbench::plant {
+namespace {
+
+// Grading at the reference number of cells; other numbers refine all cells alike, so the order of a scheme shows.
+constexpr double kSolidReferenceCells = 100.0;
+constexpr double kLiquidReferenceCells = 40.0;
+constexpr double kEndCell = 0.15;  // In units of α/b: resolves the thermal layers at inlet, front and nozzle.
+constexpr double kSolidGrowth = 1.3;
+constexpr double kLiquidGrowth = 1.6;
+constexpr double kSpeedTolerance = 1e-8;  // Of b: 1 nm of front over the length of the screw.
+constexpr double kMinSpeedTolerance_m_per_s = 1e-12;
+constexpr double kMinResidualSlope = 0.05;  // 1 + St; below this the front speed runs away (20.6 K superheat).
+
+std::vector<double> make_phase_nodes(const MeltParameters& parameters, const MeltPhase& phase, double speed_m_per_s,
+                                     std::size_t cells, double reference_cells, double growth) {
+  if (!(speed_m_per_s > 0.0)) {
+    throw std::invalid_argument(fmt::format("melt front: grid speed = {} m/s, must be > 0", speed_m_per_s));
+  }
+  const double coarseness = reference_cells / static_cast<double>(cells);
+  const double layer = phase.diffusivity_m2_per_s() / speed_m_per_s;
+  const double end_cell = kEndCell * coarseness * layer / (0.5 * parameters.length_m);
+  return make_graded_nodes(cells, std::min(end_cell, 0.5), std::pow(growth, coarseness));
+}
+
+std::unique_ptr<MeltSolid> make_solid(const MeltParameters& parameters, const MeltNumerics& numerics) {
+  if (numerics.solid == MeltDiscretisation::kCoarseTwoPointSlope) {
+    return make_coarse_two_point_solid(parameters, numerics.solid_cells);
+  }
+  auto nodes = make_phase_nodes(parameters, parameters.solid, numerics.grid_speed_m_per_s, numerics.solid_cells,
+                                kSolidReferenceCells, kSolidGrowth);
+  return numerics.solid == MeltDiscretisation::kThirdOrderUpwind
+             ? make_third_order_solid(parameters, std::move(nodes))
+             : make_scharfetter_gummel_solid(parameters, std::move(nodes));
+}
+
+double weighted_sum(std::span<const double> weights, std::span<const double> values) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < weights.size(); ++i) sum += weights[i] * values[i];
+  return sum;
+}
+
+/// Linear interpolation of a field given on nodes of [0, 1].
+double interpolate(std::span<const double> nodes, std::span<const double> values, double at) {
+  if (at <= 0.0) return values.front();
+  if (at >= 1.0) return values.back();
+  const auto right = static_cast<std::size_t>(std::upper_bound(nodes.begin(), nodes.end(), at) - nodes.begin());
+  const double share = (at - nodes[right - 1]) / (nodes[right] - nodes[right - 1]);
+  return values[right - 1] + share * (values[right] - values[right - 1]);
+}
+
+}  // namespace
+
+MeltFront::MeltFront(const MeltParameters& parameters, const MeltNumerics& numerics)
+    : parameters_{parameters},
+      numerics_{numerics},
+      solid_{make_solid(parameters, numerics)},
+      liquid_{parameters, make_phase_nodes(parameters, parameters.liquid, numerics.grid_speed_m_per_s,
+                                           numerics.liquid_cells, kLiquidReferenceCells, kLiquidGrowth)} {
+  if (!(numerics.max_travel_m > 0.0 && numerics.max_step_s > 0.0)) {
+    throw std::invalid_argument(
+        fmt::format("melt front: steps of {} m and {} s, must be > 0", numerics.max_travel_m, numerics.max_step_s));
+  }
+  start_linear(0.5 * parameters.length_m, parameters.T_melt_degC);
+}
+
+void MeltFront::start_linear(double front_m, double T_inlet_degC) {
+  restart(front_m);
+  std::vector<double> T;
+  for (const double xi : solid_nodes()) T.push_back(T_inlet_degC + (parameters_.T_melt_degC - T_inlet_degC) * xi);
+  solid_->set_T_degC(T);
+  T.clear();
+  const double slope = parameters_.nozzle_flux_W_per_m2 / parameters_.liquid.conductivity_W_per_mK;
+  const double length = parameters_.length_m - front_m;
+  for (const double eta : liquid_nodes()) T.push_back(parameters_.T_melt_degC + slope * length * eta);
+  liquid_.set_T_degC(T);
+  energy_at_start_m_ = energy_content_m();
+}
+
+void MeltFront::start_steady(const MeltSteadyState& steady) {
+  restart(steady.front_m);
+  std::vector<double> T;
+  for (const double xi : solid_nodes()) T.push_back(steady.T_solid_degC(steady.front_m * xi));
+  T.back() = parameters_.T_melt_degC;
+  solid_->set_T_degC(T);
+  T.clear();
+  const double length = parameters_.length_m - steady.front_m;
+  for (const double eta : liquid_nodes()) T.push_back(steady.T_liquid_degC(steady.front_m + length * eta));
+  T.front() = parameters_.T_melt_degC;
+  liquid_.set_T_degC(T);
+  solid_front_flux_ = liquid_front_flux_ = steady.front_flux_W_per_m2;
+  inlet_flux_ = mean_inlet_flux_ = steady.inlet_flux_W_per_m2;
+  energy_at_start_m_ = energy_content_m();
+}
+
+void MeltFront::restart(double front_m) {
+  if (!(front_m > kMinLength_m && front_m < parameters_.length_m - kMinLength_m)) {
+    throw std::invalid_argument(fmt::format("melt front: start at {} m, must be in ({}, {})", front_m, kMinLength_m,
+                                            parameters_.length_m - kMinLength_m));
+  }
+  status_ = MeltStatus::kRunning;
+  front_m_ = front_m;
+  front_speed_m_per_s_ = 0.0;
+  inlet_flux_ = mean_inlet_flux_ = solid_front_flux_ = liquid_front_flux_ = 0.0;
+  residual_slope_ = 1.0;
+  energy_supplied_m_ = 0.0;
+}
+
+MeltStatus MeltFront::advance(double dt_s, const MeltInput& input) noexcept {
+  const double travel = input.speed_m_per_s * dt_s;
+  const double wanted = std::max({1.0, travel / numerics_.max_travel_m, dt_s / numerics_.max_step_s});
+  const int steps = static_cast<int>(std::ceil(wanted - 1e-9));
+  const double step_s = dt_s / steps;
+  double flux_sum = 0.0;
+  int done = 0;
+  for (; done < steps && step_s > 0.0 && status_ == MeltStatus::kRunning; ++done) {
+    if (!step(step_s, input)) {
+      status_ = MeltStatus::kDiverged;
+      break;
+    }
+    flux_sum += inlet_flux_;
+    energy_supplied_m_ += step_s * energy_supply_m_per_s(input);
+    status_ = judge();
+  }
+  if (done > 0) mean_inlet_flux_ = flux_sum / done;
+  return status_;
+}
+
+/// One implicit Euler step: finds the front speed v with  v = β (k_s T_s,x - k_l T_l,x)  at the end of the step.
+bool MeltFront::step(double dt_s, const MeltInput& input) noexcept {
+  const double beta = parameters_.front_speed_per_flux_m3_per_J();
+  const double k_s = parameters_.solid.conductivity_W_per_mK;
+  const double k_l = parameters_.liquid.conductivity_W_per_mK;
+  const double tolerance = std::max(kSpeedTolerance * input.speed_m_per_s, kMinSpeedTolerance_m_per_s);
+  const double s_low = 0.5 * kMinLength_m;
+  const double s_high = parameters_.length_m - s_low;
+
+  MeltPhaseStep trial{.dt_s = dt_s,
+                      .speed_m_per_s = input.speed_m_per_s,
+                      .front_old_m = front_m_,
+                      .front_new_m = 0.0,
+                      .front_speed_m_per_s = front_speed_m_per_s_,
+                      .barrel = input.barrel};
+  double last_speed = 0.0;
+  double last_mismatch = 0.0;
+  for (int solve = 0; solve < kMaxSolves; ++solve) {
+    trial.front_new_m = std::clamp(front_m_ + dt_s * trial.front_speed_m_per_s, s_low, s_high);
+    trial.front_speed_m_per_s = (trial.front_new_m - front_m_) / dt_s;
+    const double v = trial.front_speed_m_per_s;
+    solid_front_flux_ = k_s * solid_->try_step(trial, input.inlet);
+    liquid_front_flux_ = k_l * liquid_.try_step(trial);
+    const double mismatch = v - beta * (solid_front_flux_ - liquid_front_flux_);
+    if (!std::isfinite(mismatch)) return false;
+    const bool at_limit = trial.front_new_m == s_low || trial.front_new_m == s_high;
+    if (std::abs(mismatch) <= tolerance || (at_limit && solve > 0)) {
+      solid_->accept();
+      liquid_.accept();
+      inlet_flux_ = solid_->inlet_flux_W_per_m2();
+      front_m_ = trial.front_new_m;
+      front_speed_m_per_s_ = v;
+      return true;
+    }
+    if (solve > 0 && v != last_speed) residual_slope_ = (mismatch - last_mismatch) / (v - last_speed);
+    residual_slope_ = std::max(residual_slope_, kMinResidualSlope);
+    last_speed = v;
+    last_mismatch = mismatch;
+    trial.front_speed_m_per_s = v - mismatch / residual_slope_;
+  }
+  return false;
+}
+
+MeltStatus MeltFront::judge() const noexcept {
+  if (front_m_ < kMinLength_m) return MeltStatus::kSolidLost;
+  if (parameters_.length_m - front_m_ < kMinLength_m) return MeltStatus::kMeltLost;
+  if (validity().solid_margin_K < -kMaxSuperheat_K) return MeltStatus::kSuperheated;
+  return MeltStatus::kRunning;
+}
+
+MeltValidity MeltFront::validity() const noexcept {
+  const auto solid = solid_T_degC();
+  const auto liquid = liquid_T_degC();
+  return {.solid_margin_K = parameters_.T_melt_degC - *std::max_element(solid.begin(), solid.end()),
+          .liquid_margin_K = *std::min_element(liquid.begin(), liquid.end()) - parameters_.T_melt_degC,
+          .solid_length_m = front_m_,
+          .liquid_length_m = parameters_.length_m - front_m_};
+}
+
+double MeltFront::T_degC(double x_m) const noexcept {
+  if (x_m <= front_m_) return interpolate(solid_nodes(), solid_T_degC(), x_m / front_m_);
+  return interpolate(liquid_nodes(), liquid_T_degC(), (x_m - front_m_) / (parameters_.length_m - front_m_));
+}
+
+double MeltFront::mean_T_before_nozzle_degC(double length_m) const noexcept {
+  constexpr int kSamples = 16;  // The melt is smooth over this length; its layer at the nozzle is microns thin.
+  double sum = 0.0;
+  for (int i = 0; i < kSamples; ++i) sum += T_degC(parameters_.length_m - length_m * (i + 0.5) / kSamples);
+  return sum / kSamples;
+}
+
+void MeltFront::calc_barrel_heat_W_per_m2(const MeltBarrel& barrel, std::span<double> heat_W_per_m2) const noexcept {
+  std::fill(heat_W_per_m2.begin(), heat_W_per_m2.end(), 0.0);
+  const std::size_t zones = std::min(barrel.zone_count, heat_W_per_m2.size());
+  const auto add = [&](std::span<const double> nodes, std::span<const double> weights, std::span<const double> T,
+                       double origin, double length, double exchange) {
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      const double x_over_L = (origin + length * nodes[i]) / parameters_.length_m;
+      const double heat = length * weights[i] * exchange * (barrel.T_degC(x_over_L) - T[i]);
+      for (std::size_t zone = 0; zone < zones; ++zone) heat_W_per_m2[zone] += heat * barrel.share(zone, x_over_L);
+    }
+  };
+  add(solid_nodes(), solid_->weights(), solid_T_degC(), 0.0, front_m_, parameters_.solid.barrel_exchange_W_per_m3K);
+  add(liquid_nodes(), liquid_.weights(), liquid_T_degC(), front_m_, parameters_.length_m - front_m_,
+      parameters_.liquid.barrel_exchange_W_per_m3K);
+}
+
+double MeltFront::energy_content_m() const noexcept {
+  const double mean_T = weighted_sum(solid_->weights(), solid_T_degC());
+  return front_m_ + parameters_.solid.heat_capacity_J_per_kgK / parameters_.heat_of_fusion_J_per_kg * front_m_ *
+                        (parameters_.T_melt_degC - mean_T);
+}
+
+double MeltFront::energy_stored_m() const noexcept {
+  return energy_content_m() - energy_at_start_m_;
+}
+
+/// Right side of (M6).
+double MeltFront::energy_supply_m_per_s(const MeltInput& input) const noexcept {
+  const double beta = parameters_.front_speed_per_flux_m3_per_J();
+  const double K_per_m = parameters_.solid.heat_capacity_J_per_kgK / parameters_.heat_of_fusion_J_per_kg;
+  const auto weights = solid_->weights();
+  double barrel_minus_T = -weighted_sum(weights, solid_T_degC());
+  for (std::size_t i = 0; i < weights.size(); ++i) {
+    barrel_minus_T += weights[i] * input.barrel.T_degC(solid_nodes()[i] * front_m_ / parameters_.length_m);
+  }
+  return -beta * (liquid_front_flux_ + inlet_flux_) +
+         K_per_m * (input.speed_m_per_s * (parameters_.T_melt_degC - T_inlet_degC()) -
+                    parameters_.solid.exchange_rate_1_per_s() * front_m_ * barrel_minus_T);
+}
+
+}  // namespace meltbench::plant
