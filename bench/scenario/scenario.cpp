@@ -170,7 +170,7 @@ std::vector<ResolvedRun> load(const std::filesystem::path& file) {
   const Section root{tree};
   if (!root.has("scenario") && root.has("rig")) {
     root.fail("rig", "this file is a rig, not a scenario",
-              "a scenario has [scenario] with rig = \"" + file.filename().string() + "\"");
+              fmt::format("a scenario has [scenario] with rig = \"{}\"", file.filename().string()));
   }
   root.ignore({"rig", "repro"});
   ignore_overrides(root);
