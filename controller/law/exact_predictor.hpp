@@ -93,6 +93,7 @@ class ExactPredictor {
 
   Settings settings_;
   Ring<Knot> knots_;
+  bool forgotten_ = false;        // The ring has wrapped: what was before the oldest knot is gone.
   mutable std::size_t hint_ = 0;  // Distance from the newest knot at which the last answer was found.
 };
 

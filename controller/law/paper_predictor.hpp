@@ -56,12 +56,14 @@ class PaperPredictor {
   struct State {
     double P = 0.0, sigma = 0.0;
   };
+  [[nodiscard]] std::size_t find_sample(double t) const noexcept;
   [[nodiscard]] double calc_speed_m_per_s(double t) const noexcept;
   [[nodiscard]] State calc_rate(const State& at, double U, double& min_den) const noexcept;
   void integrate(State& state, double span_s, double U, double& min_den) const noexcept;
 
   BizoneModel model_;
   Ring<TimedFeed> samples_;  // The oldest one holds for ever before its end.
+  bool forgotten_ = false;   // The ring has wrapped: what was before the oldest sample is gone.
 };
 
 /// Which of the sufficient conditions of [D17], Theorem 3, the parameters fulfil.

@@ -24,6 +24,7 @@ class Ring {
 
   /// @pre !full().
   void push_back(const T& item) { items_[end_++ & mask_] = item; }
+  void clear() { begin_ = end_ = 0; }
   /// @pre !empty().
   void pop_front() { ++begin_; }
 
