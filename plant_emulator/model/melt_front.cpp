@@ -17,8 +17,8 @@ constexpr double kLiquidReferenceCells = 40.0;
 constexpr double kEndCell = 0.15;  // In units of α/b: resolves the thermal layers at inlet, front and nozzle.
 constexpr double kSolidGrowth = 1.3;
 constexpr double kLiquidGrowth = 1.6;
-constexpr double kSpeedTolerance = 1e-8;  // Of b: 1 nm of front over the length of the screw.
-constexpr double kMinSpeedTolerance_m_per_s = 1e-12;
+constexpr double kSpeedTolerance = 1e-10;  // Of b: 0.2 mW/m² of front flux at 50 mm/s, where K is 0.6 W/m².
+constexpr double kMinSpeedTolerance_m_per_s = 1e-13;
 constexpr double kMinResidualSlope = 0.05;  // 1 + St; below this the front speed runs away (20.6 K superheat).
 
 std::vector<double> make_phase_nodes(const MeltParameters& parameters, const MeltPhase& phase, double speed_m_per_s,
