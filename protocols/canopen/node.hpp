@@ -140,16 +140,17 @@ class Node final : private SdoObjects {
   std::size_t capacity(ObjectAddress address) override;
   AbortCode write(Instant now, ObjectAddress address, std::span<const std::uint8_t> value) override;
 
-  [[nodiscard]] AbortCode check_communication_write(ObjectAddress address, std::span<const std::uint8_t> value) const;
+  [[nodiscard]] AbortCode check_communication_write(ObjectAddress address, std::span<const std::uint8_t> value);
   [[nodiscard]] AbortCode check_heartbeat_consumer(ObjectAddress address, std::uint32_t value) const;
   AbortCode execute_store_command(Instant now, ObjectAddress address, std::uint32_t signature);
-  void apply_communication_write(Instant now, ObjectAddress address);
+  void apply_communication_write(Instant now, ObjectAddress address, std::uint32_t old_value);
+  void apply_pdo_write(Instant now, std::uint16_t index);
 
   void reset(Instant now, ResetKind kind, Frames& out);
   void read_communication_parameters(Instant now);
   void read_heartbeat_consumers();
-  void read_heartbeat_producer(Instant now);
-  void read_sync_producer(Instant now);
+  void replace_heartbeat_consumer(std::uint32_t old_value, std::uint32_t value);
+  void read_sync_parameters(Instant now);
   void update_interest();
   void update_deadline();
 
@@ -161,8 +162,9 @@ class Node final : private SdoObjects {
   void apply_rpdo(Instant now, Rpdo& rpdo, const std::uint8_t* bytes);
   void on_remote_frame(Instant now, const can::CanFrame& frame, Frames& out);
   void on_guard_request(Instant now, Frames& out);
-  void on_heartbeat_event(Instant now, const HeartbeatEvent& event);
-  void react_to_communication_error(Instant now);
+  void on_heartbeat_event(Instant now, const HeartbeatEvent& event, Frames& out);
+  void on_communication_lost(Instant now, std::uint8_t instance, Frames& out);
+  void check_guarding(Instant now, Frames& out);
 
   void send_heartbeat_if_due(Instant now, Frames& out);
   void produce_sync_if_due(Instant now, Frames& out);
@@ -171,7 +173,9 @@ class Node final : private SdoObjects {
   void send_synchronous_tpdos(Instant now, std::uint8_t counter, Frames& out);
   void send_due_tpdos(Instant now, Frames& out);
   void arm_pdos(Instant now);
+  void arm_tpdo(Instant now, Tpdo& tpdo);
   void disarm_pdos();
+  [[nodiscard]] bool may_send_emcy() const;
   void flush(Instant now, Frames& out);
 
   ObjectDictionary dictionary_;
@@ -181,7 +185,6 @@ class Node final : private SdoObjects {
   NmtState state_ = NmtState::kInitialising;
   Instant now_{};
   Instant deadline_ = Instant::never();
-  bool emcy_may_go_ = false;
 
   SdoServer sdo_;
   EmcyProducer emcy_;

@@ -186,6 +186,7 @@ class ObjectDictionary {
   [[nodiscard]] const Entries& entries() const { return entries_; }
 
  private:
+  [[noreturn]] static void throw_absent(ObjectAddress address);
   [[noreturn]] static void throw_wrong_type(const OdEntry& entry);
 
   Entries entries_;
