@@ -7,7 +7,7 @@ namespace meltbench::plant {
 
 namespace {
 
-constexpr double kMaxSpeedChange = 0.01;  // Of c within a substep; U is averaged over it, (D14).
+constexpr double kMaxSpeedChange = 0.001;  // Of c within a substep; U is averaged over it, (D14).
 
 BizoneParameters checked(const BizoneParameters& parameters) {
   parameters.check();

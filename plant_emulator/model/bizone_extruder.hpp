@@ -37,7 +37,7 @@ struct BizoneOutputs {
 ///
 /// The feeder's mass flow is held until it is changed, as a feeder does, so the filling ratio at the inlet varies with
 /// the screw, (D1): U = F_in/(rho0 S_eff c). Between two calls of advance_to() steps are split where c changes by more
-/// than 1 %, and each substep gets the exact mean of U, so that no mass is lost however long the step.
+/// than 0.1 %, and each substep gets the exact mean of U, so that no mass is lost however long the step.
 ///
 /// Starts running, at x0, with v(x0) under way (or BizoneParameters::U_before_start) and the feed that holds x0.
 /// Real time: no heap after construction; cost of advance_to() bounded by kMaxSubsteps.
