@@ -1,0 +1,34 @@
+# make run    builds and runs the main scenario          make test   runs every test that this machine can run
+# make build  only builds                                make bench  measures speeds
+BIN := build/release/bin
+RUN_OUT := build/run
+
+.PHONY: run test build bench asan tsan fuzz deps clean
+
+run: build
+	@$(BIN)/meltbench run fixtures/scenarios/delay_compensation.toml --out $(RUN_OUT)
+
+test: build
+	@.ci/test build/release
+
+build: deps
+	@cmake --preset release >build/configure.log 2>&1 || { cat build/configure.log; exit 1; }
+	@cmake --build --preset release
+
+bench: build
+	@$(BIN)/meltbench_benchmarks
+
+asan tsan: deps
+	@cmake --preset $@ >build/configure.log 2>&1 || { cat build/configure.log; exit 1; }
+	@cmake --build --preset $@
+	@.ci/test build/$@
+
+fuzz: deps
+	@.ci/fuzz
+
+deps:
+	@mkdir -p build
+	@.ci/install_packages
+
+clean:
+	rm -rf build
