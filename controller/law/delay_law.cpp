@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <stdexcept>
+#include <vector>
 
 #include "controller/law/paper_predictor.hpp"
 
@@ -14,7 +15,7 @@ namespace meltbench::law {
 
 namespace {
 
-constexpr std::size_t kMaxInFlight = 16;  // Later commands on their way are not looked at.
+constexpr std::size_t kMaxInFlight = 4096;  // Later commands on their way are not looked at.
 constexpr double kMinMotion_m = 1e-12;    // Less than this is a screw at rest.
 
 constexpr std::string_view kOpenLoop = "open_loop", kUncompensated = "uncompensated", kExact = "exact_predictor",
@@ -109,7 +110,9 @@ class PredictorLaw final : public BangBangLaw {
       : BangBangLaw(Axis::kName, settings),
         axis_{settings},
         meter_{settings.model.mass_per_length_kg_per_m},
-        predictor_{axis_.make_predictor(settings)} {}
+        predictor_{axis_.make_predictor(settings)} {
+    ahead_.reserve(kMaxInFlight + 1);
+  }
 
   void start(Instant at, double U, const MaterialClock& clock) noexcept override {
     meter_.start(at, clock.at(at));
@@ -122,18 +125,17 @@ class PredictorLaw final : public BangBangLaw {
   }
 
   DelayLawOutput calc(const DelayLawInput& input, const MaterialClock& clock) noexcept override {
-    std::array<typename Axis::Stretch, kMaxInFlight + 1> ahead;
-    std::size_t n = 0;
+    ahead_.clear();
     FeedMeter meter = meter_;
     const auto append = [&](const FeedInterval& interval) {
       const double U = meter.add(interval, clock);
-      if (U >= 0.0) ahead[n++] = {axis_.place(interval.until, clock), U};
+      if (U >= 0.0) ahead_.push_back({axis_.place(interval.until, clock), U});
     };
     for (const FeedInterval& interval : input.in_flight) {
-      if (n < kMaxInFlight && interval.until < input.effect_at) append(interval);
+      if (ahead_.size() < kMaxInFlight && interval.until < input.effect_at) append(interval);
     }
     append(FeedInterval{input.effect_at, last_feed(input, meter)});
-    return answer(predictor_.predict(axis_.place(input.measured_at, clock), input.x_m, std::span{ahead.data(), n}));
+    return answer(predictor_.predict(axis_.place(input.measured_at, clock), input.x_m, ahead_));
   }
 
  private:
@@ -148,6 +150,7 @@ class PredictorLaw final : public BangBangLaw {
   Axis axis_;
   FeedMeter meter_;
   typename Axis::Predictor predictor_;
+  std::vector<typename Axis::Stretch> ahead_;  // Scratch of calc().
 };
 
 ExactPredictor make_exact_predictor(const DelayLawSettings& settings) {
