@@ -1,0 +1,90 @@
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "bench/check/kinds.hpp"
+#include "bench/check/series.hpp"
+
+namespace meltbench::check {
+namespace {
+
+struct Gap {
+  Instant end;  ///< When the frame came that closed it, or the window ended.
+  double length_s = 0;
+};
+
+/// Gaps between the frames of an identifier in the window.
+struct Gaps {
+  std::vector<Gap> closed;
+  std::optional<Gap> silence;  ///< From the last frame to the end of the window or of the run.
+  std::size_t frames = 0;
+};
+
+Gaps find_gaps(const record::Recording& recording, std::uint32_t cob_id, const Window& window) {
+  Gaps gaps;
+  std::optional<Instant> previous;
+  for (std::size_t i = 0; i < recording.frames.size(); ++i) {
+    const Instant at = recording.frames.at(i);
+    if (at < window.from || at > window.to || !recording.frames.is_standard_data(i, cob_id)) continue;
+    ++gaps.frames;
+    if (previous) gaps.closed.push_back({at, to_s(at - *previous)});
+    previous = at;
+  }
+  const Instant end = std::min(window.to, recording.ending.at);
+  if (previous && end > *previous) gaps.silence = Gap{end, to_s(end - *previous)};
+  return gaps;
+}
+
+/// Position of the percentile in n sorted values, nearest rank. @pre n > 0, 0 < percentile <= 100.
+std::size_t rank_of(double percentile, std::size_t n) {
+  const double rank = std::ceil(percentile / 100.0 * static_cast<double>(n));
+  return std::min(n, static_cast<std::size_t>(std::max(1.0, rank))) - 1;
+}
+
+std::string share_text(double percentile) {
+  return percentile < 100 ? fmt::format(" ({:.6g} % of them)", percentile) : std::string{};
+}
+
+}  // namespace
+
+Outcome FramePeriod::judge(const record::Recording& recording) const {
+  Outcome outcome;
+  outcome.unit = "s";
+  Gaps gaps = find_gaps(recording, cob_id, window);
+  if (gaps.frames == 0) return failed(std::move(outcome), fmt::format("no frame {:03X} in the window", cob_id));
+  const double period_s = to_s(period);
+  // The rest of the window is shorter than a period as a rule, and says something only when it is longer.
+  if (gaps.silence && (gaps.silence->length_s > period_s || gaps.closed.empty())) gaps.closed.push_back(*gaps.silence);
+  if (gaps.closed.empty())
+    return failed(std::move(outcome), fmt::format("only one frame {:03X} in the window", cob_id));
+
+  const auto deviation = [&](const Gap& gap) { return std::abs(gap.length_s - period_s); };
+  std::stable_sort(gaps.closed.begin(), gaps.closed.end(),
+                   [&](const Gap& a, const Gap& b) { return deviation(a) < deviation(b); });
+  const Gap& judged_gap = gaps.closed[rank_of(percentile, gaps.closed.size())];
+  return judged(std::move(outcome), to_s(max_deviation) - deviation(judged_gap), to_s(judged_gap.end),
+                fmt::format("{} frames {:03X}, period off by up to {:.6g} ms{} from {:.6g} ms; asked for: {:.6g} ms",
+                            gaps.frames, cob_id, 1e3 * deviation(judged_gap), share_text(percentile), 1e3 * period_s,
+                            1e3 * to_s(max_deviation)));
+}
+
+Outcome FrameJitter::judge(const record::Recording& recording) const {
+  Outcome outcome;
+  outcome.unit = "s";
+  Gaps gaps = find_gaps(recording, cob_id, window);
+  std::vector<Gap>& closed = gaps.closed;
+  if (closed.empty())
+    return failed(std::move(outcome), fmt::format("fewer than two frames {:03X} in the window", cob_id));
+  std::stable_sort(closed.begin(), closed.end(), [](const Gap& a, const Gap& b) { return a.length_s < b.length_s; });
+  const std::size_t high = rank_of(percentile, closed.size());
+  const std::size_t low = std::min(high, closed.size() - 1 - high);
+  const double jitter_s = closed[high].length_s - closed[low].length_s;
+  return judged(std::move(outcome), to_s(max) - jitter_s, to_s(closed[high].end),
+                fmt::format("{} frames {:03X}, period from {:.6g} to {:.6g} ms{}; asked for: at most {:.6g} ms apart",
+                            gaps.frames, cob_id, 1e3 * closed[low].length_s, 1e3 * closed[high].length_s,
+                            share_text(percentile), 1e3 * to_s(max)));
+}
+
+}  // namespace meltbench::check
