@@ -28,16 +28,19 @@ double ParcelPlant::calc_P(double P0, double d, double U) const {
 }
 
 // Solves (D9), d + L - P(d) = rest, for d in [0, d_max]. The left side grows with d; Newton, kept inside by bisection.
+// Written in d and in the rise P - x, which are both small, so that no digits are lost by subtracting.
 double ParcelPlant::calc_arrival_distance(double rest, double d_max, double U) const {
+  const double r = theta2_ * (1.0 - U);
+  const double to_go = rest - (L_ - x_);
   double low = 0.0, high = d_max;
-  double d = std::clamp(rest - (L_ - x_), low, high);  // Exact if x does not move.
+  double d = std::clamp(to_go / ((1.0 - U) * (1.0 + theta2_ * x_)), low, high);
   for (int i = 0; i < 60; ++i) {
-    const double P = calc_P(x_, d, U);
-    const double excess = d + L_ - P - rest;
+    const double rise = (x_ - U / r) * std::expm1(-r * d);
+    const double excess = d - rise - to_go;
     (excess > 0.0 ? high : low) = d;
-    double next = d - excess / ((1.0 - U) * (1.0 + theta2_ * P));
-    if (!(next > low && next < high)) next = 0.5 * (low + high);
-    const bool settled = std::abs(next - d) <= 1e-17 + 4e-16 * d;
+    double next = d - excess / ((1.0 - U) * (1.0 + theta2_ * (x_ + rise)));
+    if (!(next >= low && next <= high)) next = 0.5 * (low + high);
+    const bool settled = std::abs(next - d) <= 1e-8 * d;  // Newton doubles the digits: `next` is exact but for rounding.
     d = next;
     if (settled) break;
   }
