@@ -1,5 +1,7 @@
 #include "protocols/link/bench_message.hpp"
 
+#include <algorithm>
+
 namespace meltbench::link {
 namespace {
 
@@ -68,8 +70,9 @@ can::StampedFrame MessageReader::take_frame() {
     rest_ = {};
     return {};
   }
-  std::memcpy(frame.bytes.data(), rest_.data(), frame.data().size());
-  rest_ = rest_.subspan(frame.data().size());
+  const std::size_t size = frame.data().size();
+  std::copy_n(rest_.begin(), size, frame.bytes.begin());  // Not memcpy: nothing left is a null pointer.
+  rest_ = rest_.subspan(size);
   return stamped;
 }
 
@@ -79,7 +82,7 @@ void MessageReader::take_numbers(std::span<double> numbers) {
     rest_ = {};
     return;
   }
-  std::memcpy(numbers.data(), rest_.data(), numbers.size_bytes());
+  if (!numbers.empty()) std::memcpy(numbers.data(), rest_.data(), numbers.size_bytes());
   rest_ = rest_.subspan(numbers.size_bytes());
 }
 

@@ -101,6 +101,12 @@ TEST_CASE("TOML: a key or table given twice is refused where it is given again",
   CHECK_THAT(parse_complaint("[t]\n[t]\n"), Catch::StartsWith("a.toml:2:") && Catch::Contains("[[name]]"));
 }
 
+TEST_CASE("TOML: letters outside of ASCII are fine in texts and comments, and refused elsewhere", "[config]") {
+  CHECK(parse_complaint("a = \"\u00e9\"  # \u00e9\n").empty());
+  CHECK_THAT(parse_complaint("a = \u00e9\n"), Catch::StartsWith("a.toml:1:5: not valid TOML"));
+  CHECK_THAT(parse_complaint("a = [1, \u0207 2]\n"), Catch::StartsWith("a.toml:1:9: not valid TOML"));
+}
+
 TEST_CASE("TOML: dates are refused", "[config]") {
   CHECK_THAT(parse_complaint("a = 2020-01-01\n"), Catch::StartsWith("a.toml:1:5: a date"));
 }
