@@ -7,6 +7,7 @@
 #include <fstream>
 #include <string>
 
+#include "bench/check/read_checks.hpp"
 #include "protocols/config/toml.hpp"
 #include "tests/protocols/config/complaint.hpp"
 
@@ -261,13 +262,16 @@ TEST_CASE("Repro: the rig reader of the other programs accepts it as their rig",
   root.finish();
 }
 
-TEST_CASE("Fixtures: every scenario of the project loads, and its name is that of its file", "[scenario]") {
+TEST_CASE("Fixtures: every scenario of the project loads with its checks, and is named as its file", "[scenario]") {
   std::size_t count = 0;
   for (const auto& entry : fs::directory_iterator{fs::path{MELTBENCH_SOURCE_DIR} / "fixtures/scenarios"}) {
     if (entry.path().extension() != ".toml") continue;
     INFO(entry.path());
     CHECK(complaint_of([&] {
-            for (const auto& run : scenario::load(entry.path())) CHECK(run.name == entry.path().stem());
+            for (const auto& run : scenario::load(entry.path())) {
+              CHECK(run.name == entry.path().stem());
+              CHECK_FALSE(check::read_checks(run.root).checks.empty());
+            }
           }) == "");
     ++count;
   }
