@@ -54,7 +54,7 @@ struct Section {
   std::map<std::string, Value, std::less<>> values;  // Keys in lower case.
 
   [[nodiscard]] const Value* find(std::string_view key) const {
-    const auto found = values.find(key);
+    const auto found = values.find(to_lower(key));
     return found == values.end() || found->second.text.empty() ? nullptr : &found->second;
   }
 };
@@ -269,18 +269,18 @@ class Reader {
     const Section* const section = find_section("deviceinfo");
     if (section == nullptr) return warn({1, 1}, "no [DeviceInfo]");
     DeviceInfo& device = eds_.device;
-    device.vendor_name = read_text(*section, "vendorname");
-    device.vendor_number = read_number(*section, "vendornumber", 0);
-    device.product_name = read_text(*section, "productname");
-    device.product_number = read_number(*section, "productnumber", 0);
-    device.revision_number = read_number(*section, "revisionnumber", 0);
-    device.order_code = read_text(*section, "ordercode");
-    device.rx_pdo_count = read_number(*section, "nrofrxpdo", 0);
-    device.tx_pdo_count = read_number(*section, "nroftxpdo", 0);
-    device.granularity = read_number(*section, "granularity", 8);
-    device.lss_supported = read_number(*section, "lss_supported", 0) != 0;
+    device.vendor_name = read_text(*section, "VendorName");
+    device.vendor_number = read_number(*section, "VendorNumber", 0);
+    device.product_name = read_text(*section, "ProductName");
+    device.product_number = read_number(*section, "ProductNumber", 0);
+    device.revision_number = read_number(*section, "RevisionNumber", 0);
+    device.order_code = read_text(*section, "OrderCode");
+    device.rx_pdo_count = read_number(*section, "NrOfRXPDO", 0);
+    device.tx_pdo_count = read_number(*section, "NrOfTXPDO", 0);
+    device.granularity = read_number(*section, "Granularity", 8);
+    device.lss_supported = read_number(*section, "LSS_Supported", 0) != 0;
     for (const unsigned rate : {10U, 20U, 50U, 125U, 250U, 500U, 800U, 1000U}) {
-      if (read_number(*section, fmt::format("baudrate_{}", rate), 0) != 0) device.bit_rates_kbit_per_s.push_back(rate);
+      if (read_number(*section, fmt::format("BaudRate_{}", rate), 0) != 0) device.bit_rates_kbit_per_s.push_back(rate);
     }
   }
 
@@ -288,14 +288,14 @@ class Reader {
     const Section* const section = find_section("dummyusage");
     if (section == nullptr) return;
     for (std::uint16_t index = 1; index <= 7; ++index) {
-      eds_.dictionary.allow_dummy(index, read_number(*section, fmt::format("dummy{:04}", index), 0) != 0);
+      eds_.dictionary.allow_dummy(index, read_number(*section, fmt::format("Dummy{:04}", index), 0) != 0);
     }
   }
 
   void read_object_list(std::string_view list_name) {
     const Section* const list = find_section(list_name);
     if (list == nullptr) return;
-    const std::uint32_t count = read_number(*list, "supportedobjects", 0, 0xFFFF);
+    const std::uint32_t count = read_number(*list, "SupportedObjects", 0, 0xFFFF);
     for (std::uint32_t i = 1; i <= count; ++i) {
       const std::string key = std::to_string(i);
       const Value* const value = list->find(key);
@@ -313,7 +313,7 @@ class Reader {
 
   void read_object(std::uint16_t index, const Section& section) {
     constexpr std::uint32_t kDefType = 5, kDefStruct = 6;
-    const std::uint32_t code = read_number(section, "objecttype", static_cast<std::uint32_t>(ObjectCode::kVar));
+    const std::uint32_t code = read_number(section, "ObjectType", static_cast<std::uint32_t>(ObjectCode::kVar));
     switch (code) {
       case 0:
       case kDefType:
@@ -324,7 +324,7 @@ class Reader {
         return add_entry(section, {index, 0}, static_cast<ObjectCode>(code));
       case static_cast<std::uint32_t>(ObjectCode::kArray):
       case static_cast<std::uint32_t>(ObjectCode::kRecord):
-        if (read_number(section, "compactsubobj", 0, 254) != 0) {
+        if (read_number(section, "CompactSubObj", 0, 254) != 0) {
           return read_compact_object(index, section, static_cast<ObjectCode>(code));
         }
         return read_sub_objects(index, section, static_cast<ObjectCode>(code));
@@ -354,13 +354,13 @@ class Reader {
       fail(section.place, fmt::format("[{}] has no section [{}sub0]", quote(section.name), quote(section.name)),
            "an ARRAY or RECORD has a section for each sub-index, or CompactSubObj");
     }
-    const std::uint32_t announced = read_number(section, "subnumber", count);
+    const std::uint32_t announced = read_number(section, "SubNumber", count);
     if (announced != count)
       warn(section.place, fmt::format("SubNumber = {}, but {} sub-indices follow", announced, count));
   }
 
   void read_compact_object(std::uint16_t index, const Section& section, ObjectCode code) {
-    const auto count = static_cast<std::uint8_t>(read_number(section, "compactsubobj", 0, 254));
+    const auto count = static_cast<std::uint8_t>(read_number(section, "CompactSubObj", 0, 254));
     const EntryInfo common = read_entry(section, {index, 0}, code);
     EntryInfo sub_zero{.address = {index, 0},
                        .name = "NrOfObjects",
@@ -397,34 +397,34 @@ class Reader {
   [[nodiscard]] EntryInfo read_entry(const Section& section, ObjectAddress address, ObjectCode code) const {
     EntryInfo info;
     info.address = address;
-    info.name = read_text(section, "parametername");
+    info.name = read_text(section, "ParameterName");
     info.object_code = code;
     info.type = read_type(section, code);
     info.access = read_access(section, code);
-    info.mappable = read_number(section, "pdomapping", 0, 1) != 0;
+    info.mappable = read_number(section, "PDOMapping", 0, 1) != 0;
     info.default_value =
-        read_value(section, section.find("parametervalue") ? "parametervalue" : "defaultvalue", info.type);
+        read_value(section, section.find("ParameterValue") ? "ParameterValue" : "DefaultValue", info.type);
     if (size_of(info.type) != 0) {
-      if (section.find("lowlimit") != nullptr) info.low_limit = read_value(section, "lowlimit", info.type);
-      if (section.find("highlimit") != nullptr) info.high_limit = read_value(section, "highlimit", info.type);
+      if (section.find("LowLimit") != nullptr) info.low_limit = read_value(section, "LowLimit", info.type);
+      if (section.find("HighLimit") != nullptr) info.high_limit = read_value(section, "HighLimit", info.type);
     }
     return info;
   }
 
   [[nodiscard]] DataType read_type(const Section& section, ObjectCode code) const {
-    const Value* const value = section.find("datatype");
+    const Value* const value = section.find("DataType");
     if (value == nullptr) {
       if (code == ObjectCode::kDomain) return DataType::kDomain;
       fail(section.place, fmt::format("[{}] DataType is missing", quote(section.name)),
            "e.g. DataType=0x0007 for UNSIGNED32");
     }
-    const auto type = static_cast<DataType>(read_number(section, "datatype", 0, 0xFFFF));
+    const auto type = static_cast<DataType>(read_number(section, "DataType", 0, 0xFFFF));
     if (!is_known(type)) fail_value(section, "DataType", *value, "not a data type of CiA 301");
     return type;
   }
 
   [[nodiscard]] AccessType read_access(const Section& section, ObjectCode code) const {
-    const Value* const value = section.find("accesstype");
+    const Value* const value = section.find("AccessType");
     if (value == nullptr) {
       if (code == ObjectCode::kDomain) return AccessType::kReadWrite;
       fail(section.place, fmt::format("[{}] AccessType is missing", quote(section.name)),
@@ -464,7 +464,7 @@ class Reader {
       bytes = parse_hex_bytes(value->text);
       hint = "bytes as pairs of hex digits";
     }
-    if (!bytes) fail_value(section, key, *value, fmt::format("not a {}", text(type)), hint);
+    if (!bytes) fail_value(section, key, *value, fmt::format("not a value of {}", text(type)), hint);
     const std::size_t longest = type == DataType::kDomain ? kMaxDomainBytes : kMaxStringBytes;
     if (bytes->size() > longest) fail_value(section, key, *value, fmt::format("longer than {} bytes", longest));
     return *std::move(bytes);
@@ -475,7 +475,7 @@ class Reader {
       const auto object = split_object_name(name);
       if (!object || eds_.dictionary.has_index(object->first)) continue;
       const bool is_definition = object->first < 0x1000;
-      if (object->second.empty() && !is_definition && read_number(section, "objecttype", 7) >= 7) {
+      if (object->second.empty() && !is_definition && read_number(section, "ObjectType", 7) >= 7) {
         warn(section.place, fmt::format("[{}] is in no object list and is left out", quote(section.name)));
       }
     }
