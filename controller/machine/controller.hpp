@@ -13,6 +13,7 @@
 #include "controller/machine/length_loop.hpp"
 #include "controller/machine/node_boot.hpp"
 #include "controller/machine/settings.hpp"
+#include "protocols/canopen/emcy.hpp"
 #include "protocols/canopen/heartbeat.hpp"
 #include "protocols/canopen/manager.hpp"
 #include "protocols/participant/participant.hpp"
@@ -60,32 +61,37 @@ class Controller final : public Participant {
   void start(Instant now, Outbox& out);
   void on_link(Instant now, LinkState link, Outbox& out);
   void on_frame(Instant now, const can::CanFrame& frame, Outbox& out);
-  void on_sample(const can::CanFrame& frame);
+  [[nodiscard]] bool take_sample(const can::CanFrame& frame);
+  void on_node_control(Instant now, const can::CanFrame& frame, Outbox& out);
   void on_emcy(Instant now, const canopen::ReceivedEmcy& received, Outbox& out);
   void on_heartbeat(Instant now, const canopen::HeartbeatEvent& event, Outbox& out);
 
   void run_boot(Instant now, Outbox& out);
   void start_nodes(Instant now, Outbox& out);
+  [[nodiscard]] BoardFacts collect_facts() const;
+  void send_heartbeat_if_due(Instant now, Outbox& out);
   void run_set_points(Instant now, Outbox& out);
+  void run_feeder_writes(Instant now, Outbox& out);
   void send_sync_if_due(Instant now, Outbox& out);
-  void close_cycle(Instant now, Outbox& out);
+  void close_cycle_if_due(Instant now, Outbox& out);
+  void hand_over_samples();
   void control(Instant now, Outbox& out);
   [[nodiscard]] safety::Observation observe(Instant now) const;
   [[nodiscard]] Instant next_deadline() const;
 
   void trip(Instant now, std::string_view code, std::string reason, Outbox& out);
-  void send_flow(double flow_kg_per_h, Outbox& out);
-  void set_state(ControllerState state) { state_ = state; }
+  void send_flow(Instant now, double flow_kg_per_s, Outbox& out);
+  [[nodiscard]] bool is_up() const;  ///< Ready, running or safe: the boards are Operational.
   [[nodiscard]] const BoardSettings& board(std::size_t index) const;
-  [[nodiscard]] std::optional<std::size_t> find_board(std::uint8_t node_id) const;
-  [[nodiscard]] std::string name_of(std::size_t index) const;
-  [[nodiscard]] double safe_flow_kg_per_h() const;
+  [[nodiscard]] std::size_t find_board(std::uint32_t node_id) const;  ///< kBoardCount if it is none of ours.
+  [[nodiscard]] std::string label(std::size_t index) const;           ///< "feeder (node 5)".
+  [[nodiscard]] double set_point_m() const { return settings_.set_points[set_point_].x_m; }
+  [[nodiscard]] double safe_flow_kg_per_s() const;
 
   ControllerSettings settings_;
   ControllerState state_ = ControllerState::kOff;
   LinkState link_ = LinkState::kUp;
-  std::vector<NodeBoot> boots_;
-  std::array<bool, kBoardCount> booted_up_{};
+  std::vector<NodeBoot> boots_;  // In the order of Board.
   canopen::HeartbeatConsumer heartbeats_;
   canopen::PeriodicTimer heartbeat_timer_;
   canopen::PeriodicTimer sync_timer_;
@@ -93,21 +99,17 @@ class Controller final : public Participant {
 
   Instant ready_at_;
   Instant sync_at_;
-  bool cycle_open_ = false;
-  Instant cycle_deadline_ = Instant::never();
-  std::optional<ScrewSample> screw_;  // Of this SYNC, or late from the one before.
+  Instant cycle_deadline_ = Instant::never();  // never: no cycle is open.
+  std::optional<ScrewSample> screw_;           // Since the last cycle was closed.
   std::optional<FeedSample> feed_;
   std::optional<PressureSample> pressure_;
   std::size_t set_point_ = 0;  // Index of the one in force.
 
   LengthCommand command_;
-  double flow_command_kg_per_h_ = 0.0;
   double reaction_s_ = 0.0;
-  std::uint64_t sdo_timeouts_ = 0;
   std::uint64_t heartbeats_lost_ = 0;
   std::uint64_t samples_missed_ = 0;
   std::uint64_t emcys_ = 0;
-  std::uint64_t syncs_missed_ = 0;
   bool history_warned_ = false;
 };
 

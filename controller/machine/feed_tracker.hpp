@@ -55,7 +55,9 @@ class FeedTracker {
     Instant sent_at;
     double flow_kg_per_s = 0.0;
   };
-  void forget_done();
+  void append_unreported(Instant from, Instant changed_at);
+
+  static constexpr Nanos kAgeStep = 10us;  // Of the reported age.
 
   Nanos latency_;
   Nanos cycle_;

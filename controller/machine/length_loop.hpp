@@ -89,11 +89,13 @@ class LengthLoop {
   /// @param index  into the settings' set points.
   void select_set_point(std::size_t index) { selected_ = index; }
 
-  [[nodiscard]] double x_m() const { return x_m_; }                      ///< Newest usable estimate.
-  [[nodiscard]] Instant measured_at() const { return measured_at_; }     ///< Its time stamp.
-  [[nodiscard]] double pressure_Pa() const { return pressure_Pa_; }      ///< Newest, usable or not.
-  [[nodiscard]] double speed_m_per_s() const { return speed_m_per_s_; }  ///< At the newest screw sample.
-  [[nodiscard]] double U_applied() const;                                ///< As the feeder reports it.
+  [[nodiscard]] bool has_estimate() const { return measured_; }
+  [[nodiscard]] double x_m() const { return x_m_; }                       ///< Newest usable estimate.
+  [[nodiscard]] Instant measured_at() const { return measured_at_; }      ///< Its time stamp.
+  [[nodiscard]] double pressure_Pa() const { return pressure_Pa_; }       ///< Newest, usable or not.
+  [[nodiscard]] bool is_pressure_good() const { return pressure_good_; }  ///< By its status.
+  [[nodiscard]] double speed_m_per_s() const { return speed_m_per_s_; }   ///< At the newest screw sample.
+  [[nodiscard]] double U_applied() const;                                 ///< As the feeder reports it.
   [[nodiscard]] Instant screw_at() const { return screw_at_; }
   [[nodiscard]] Instant feed_at() const { return feed_.known_until().value_or(Instant{}); }
   /// Since when pressures have come that cannot be used; nothing if the newest is good.
@@ -122,6 +124,7 @@ class LengthLoop {
   double speed_m_per_s_ = 0.0;
   double x_m_ = 0.0;
   double pressure_Pa_ = 0.0;
+  bool pressure_good_ = false;
   bool measured_ = false;
   Instant measured_at_;
   Instant screw_at_;

@@ -55,7 +55,7 @@ class NodeBoot {
   [[nodiscard]] const std::string& failure() const { return failure_; }
   [[nodiscard]] std::uint64_t sdo_timeouts() const { return sdo_timeouts_; }
 
-  /// What a step of the plan has read. @pre kDone, and the plan reads that object with at least sizeof(T) bytes.
+  /// What a step of the plan has read. @pre configured, and the plan reads that object as a T.
   template <class T>
   [[nodiscard]] T value(canopen::ObjectAddress address) const {
     return canopen::load<T>(find_value(address));

@@ -72,8 +72,8 @@ enum class SafeScrew : std::uint8_t {
 ///
 /// Keys of [controller.model], what the controller believes the extruder to be: preset and fluctuation_case (those of
 /// [plant], else slow and A), and to change single values: speed_m_per_s, length_m, pitch_m, density_kg_per_m3,
-/// pressure_flow_m4, nozzle_kg, area_m2, viscosity_Pa_s, epsilon, omega_rad_per_s (the latter two: those of [plant]),
-/// phase_rad (0).
+/// pressure_flow_m4, nozzle_kg, area_m2, viscosity_Pa_s, epsilon, omega_rad_per_s,
+/// phase_rad (the latter three: those of [plant], else those of the case, 0).
 ///
 /// [[event]] with target = "controller": action = "set_point", value = filled length in m.
 struct ControllerSettings {

@@ -1,0 +1,52 @@
+/// The controller as a program: joins the wire that it is told, and runs until it is told to stop.
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <string>
+
+#include "controller/machine/controller.hpp"
+#include "controller/machine/settings.hpp"
+#include "protocols/config/toml.hpp"
+#include "protocols/link/can_link.hpp"
+#include "protocols/runtime/program.hpp"
+
+namespace {
+
+constexpr int kBadInput = 2;
+
+int complain(const char* what, const std::string& hint) {
+  std::fprintf(stderr, "error: %s\n", what);
+  if (!hint.empty()) std::fprintf(stderr, "hint: %s\n", hint.c_str());
+  return kBadInput;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"controller - hold the filled length of a screw extruder over CANopen"};
+  std::string rig;
+  meltbench::runtime::ProgramOptions options;
+  app.add_option("--rig", rig, "machine description (TOML)")->required();
+  app.add_option("--can", options.can, "virtual:NAME | can0, vcan0 ...")->capture_default_str();
+  app.add_option("--bench", options.bench, "virtual:NAME of a bench to report to when the frames go over the kernel");
+  app.footer(
+      "Exit status: 0 told to stop, 2 bad usage or file, 3 the bench was lost\n"
+      "Example: controller --rig fixtures/rigs/bizone.toml --can can0");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : kBadInput;
+  }
+  try {
+    const meltbench::config::Section root{meltbench::config::read_toml_file(rig)};
+    meltbench::machine::Controller controller{meltbench::machine::read_settings(root)};
+    return meltbench::runtime::run_program(controller, options);
+  } catch (const meltbench::config::ConfigError& error) {
+    return complain(error.what(), error.hint());
+  } catch (const meltbench::link::LinkError& error) {
+    return complain(error.what(), error.hint());
+  } catch (const std::exception& error) {
+    return complain(error.what(), {});
+  }
+}
