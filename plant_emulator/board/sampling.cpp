@@ -31,8 +31,8 @@ double Chance::draw_uniform() {
 }
 
 Nanos Chance::draw_phase(Nanos period) {
-  const double microseconds = static_cast<double>(period / 1us);
-  return static_cast<std::int64_t>(draw_uniform() * microseconds) * 1us;
+  constexpr Nanos kStep = 10us;
+  return static_cast<std::int64_t>(draw_uniform() * static_cast<double>(period / kStep)) * kStep;
 }
 
 double calc_noise(std::uint64_t seed, std::int64_t sample_number) {

@@ -19,7 +19,7 @@ class Chance {
   /// In [0, 1), 53 bits.
   [[nodiscard]] double draw_uniform();
 
-  /// A whole number of microseconds in [0, period). @pre period >= 0; a period below 1 us gives 0.
+  /// A whole multiple of 10 us, the coarsest step of ages on the wire, in [0, period). A period up to 10 us gives 0.
   [[nodiscard]] Nanos draw_phase(Nanos period);
 
   /// A seed for Noise.
