@@ -96,6 +96,7 @@ BoardSettings read_board(const config::RigBoard& board, const board::PlantRates&
       settings.firmware = board::read_melt_pressure_settings(board.section);
       break;
   }
+  board.section.finish();
   return settings;
 }
 
