@@ -48,6 +48,8 @@ struct Options {
   double measurement_age_s = 0.0;    ///< x is so old ...
   bool time_stamped = true;          ///< ... and the predictor knows.
   double theta2_factor = 1.0;        ///< The controller's theta2 over the plant's.
+  double clock_factor = 1.0;         ///< Metres that the controller believes to be conveyed over the true ones.
+  double phase_error_s = 0.0;        ///< The paper's predictor believes the fluctuation to be so much further on.
 };
 
 struct Sample {
@@ -133,8 +135,10 @@ class AnyPlant {
 /// Whichever predictor the law uses, on the axis that it uses: metres conveyed, theta1 t, or t.
 class AnyPredictor {
  public:
-  AnyPredictor(Kind kind, const law::BizoneModel& model, const plant::ScrewClock& clock, double U_before)
+  AnyPredictor(Kind kind, const law::BizoneModel& model, const plant::ScrewClock& clock, double U_before,
+               double clock_factor = 1.0)
       : kind_{kind},
+        clock_factor_{clock_factor},
         theta1_{model.speed_m_per_s},
         clock_{clock},
         exact_{{model.length_m, model.theta2_per_m, 2.0 * model.length_m, 5e-6}},
@@ -162,9 +166,11 @@ class AnyPredictor {
   }
 
  private:
-  [[nodiscard]] double place(double t) const { return kind_ == Kind::kStateOnly ? theta1_ * t : clock_.conveyed_m(t); }
+  [[nodiscard]] double place(double t) const {
+    return clock_factor_ * (kind_ == Kind::kStateOnly ? theta1_ * t : clock_.conveyed_m(t));
+  }
   Kind kind_;
-  double theta1_;
+  double clock_factor_, theta1_;
   plant::ScrewClock clock_;
   law::ExactPredictor exact_;
   law::PaperPredictor paper_;
@@ -174,11 +180,12 @@ class AnyPredictor {
 inline Run run(const plant::BizoneParameters& p, const Options& options) {
   law::BizoneModel model = matched_model(p);
   model.theta2_per_m *= options.theta2_factor;
+  model.fluctuation_phase_rad += model.fluctuation_rad_per_s * options.phase_error_s;
   const law::BangBang bang_bang{model, options.bang_bang};
   AnyPlant extruder{p};
   const double v0 = p.outflow_ratio(p.x0_m);
   AnyPredictor predictor{options.kind, model, extruder.clock(),
-                         options.assumed_U_before >= 0.0 ? options.assumed_U_before : v0};
+                         options.assumed_U_before >= 0.0 ? options.assumed_U_before : v0, options.clock_factor};
   const double T = options.sample_s, late = options.actuation_delay_s, age = options.measurement_age_s;
   if (late > T || age > T || (late > 0.0 && age > 0.0)) {
     throw std::invalid_argument("delay_loop: one latency at a time, up to one sample");

@@ -398,7 +398,8 @@ TEST_CASE("Delay loop: an old measurement does no harm if it has a time stamp, a
   options.measurement_age_s = 0.002;
   CHECK(delay_loop::run(p, options).overshoot_m(kSet_m) < 1e-6);
   options.time_stamped = false;
-  CHECK(delay_loop::run(p, options).overshoot_m(kSet_m) == Approx(overshoot_m).margin(1.5e-5));  // Printed with 2 digits.
+  CHECK(delay_loop::run(p, options).overshoot_m(kSet_m) ==
+        Approx(overshoot_m).margin(1.5e-5));  // Printed with 2 digits.
 }
 
 TEST_CASE("Delay loop: a wrong theta2 leaves a bias, for there is no integral action", "[law]") {
@@ -421,4 +422,58 @@ TEST_CASE("Delay loop: a wrong theta2 leaves a bias, for there is no integral ac
   }
   CHECK(bias == Approx(low - kSet_m).margin(1e-9));
   CHECK(std::abs(bias) == Approx(1.46e-3).margin(5e-5));  // +1.43 and -1.50 mm are printed.
+}
+
+TEST_CASE("Delay loop: a wrong scale of the encoder overshoots but leaves no bias", "[law]") {
+  const auto p = make(Preset::kSlow, FluctuationCase::kA, DelayReading::kTransport);
+  Options options = sampled(Kind::kExact, 0.01, 60.0);
+  options.clock_factor = 0.8;
+  const delay_loop::Run run = delay_loop::run(p, options);
+  CHECK(run.overshoot_m(kSet_m) == Approx(5.3e-3).margin(1e-4));  // Printed with 2 digits.
+  CHECK(run.samples.back().x == Approx(kSet_m).margin(1e-6).epsilon(0));
+}
+
+TEST_CASE("Delay loop: the paper's predictor needs the phase of the fluctuation, the exact one does not", "[law]") {
+  const auto p = make(Preset::kPaper, FluctuationCase::kA, DelayReading::kPaper);
+  Options options = sampled(Kind::kPaper, 0.01, 0.6);
+  CHECK(delay_loop::run(p, options).overshoot_m(kSet_m) < 1e-6);
+  options.phase_error_s = 0.2;
+  CHECK(delay_loop::run(p, options).overshoot_m(kSet_m) == Approx(1.3e-3).margin(5e-5));  // Printed with 2 digits.
+  const auto transport = make(Preset::kPaper, FluctuationCase::kA, DelayReading::kTransport);
+  options.kind = Kind::kExact;
+  CHECK(delay_loop::run(transport, options).overshoot_m(kSet_m) < 1e-6);
+}
+
+TEST_CASE("Delay loop: the delay rate on the way is the printed one, and beyond 1 for a real screw read as printed",
+          "[law]") {
+  // dD/dt by differences over a sample, D from its definition in the reading.
+  const auto max_rate = [](const plant::BizoneParameters& p, const Options& options) {
+    const delay_loop::Run run = delay_loop::run(p, options);
+    const plant::ScrewClock clock = delay_loop::AnyPlant{p}.clock();
+    const auto delay = [&](const delay_loop::Sample& at) {
+      if (p.delay_reading == DelayReading::kPaper) return (p.length_m - at.x) / clock.speed_m_per_s(at.t);
+      const double g = (at.s - (p.length_m - at.x)) / p.speed_m_per_s;
+      return at.t - clock.calc_time_s(clock.stretched_time_s(0.0) + g, g);
+    };
+    double worst = 0.0;
+    for (std::size_t i = 1; i < run.samples.size(); ++i) {
+      worst = std::max(worst, (delay(run.samples[i]) - delay(run.samples[i - 1])) / run.sample_s);
+    }
+    return worst;
+  };
+  const auto paper = make(Preset::kPaper, FluctuationCase::kA, DelayReading::kPaper);
+  const auto slow = make(Preset::kSlow, FluctuationCase::kA, DelayReading::kTransport);
+  const auto phys = make(Preset::kPhys, FluctuationCase::kA, DelayReading::kTransport);
+  const auto printed = [](double value) { return Approx(value).margin(1e-3); };  // Differences over a sample.
+  CHECK(max_rate(paper, sampled(Kind::kOpenLoop, 5e-4, 10.0)) == printed(.0181));
+  CHECK(max_rate(paper, sampled(Kind::kUncompensated, 5e-4, 2.0)) == printed(.2851));
+  CHECK(max_rate(paper, sampled(Kind::kPaper, 5e-4, 2.0)) == printed(.0181));
+  CHECK(max_rate(paper, sampled(Kind::kStateOnly, 1e-4, 1.0)) == printed(.0936));
+  CHECK(max_rate(slow, sampled(Kind::kOpenLoop, 0.03, 600.0)) == printed(.0179));
+  CHECK(max_rate(slow, sampled(Kind::kExact, 0.03, 120.0)) == printed(.0179));
+  CHECK(max_rate(phys, sampled(Kind::kExact, 0.01, 60.0)) == printed(.151));
+  for (const FluctuationCase fluctuation : {FluctuationCase::kA, FluctuationCase::kB}) {
+    const auto printed_screw = make(Preset::kPhys, fluctuation, DelayReading::kPaper);
+    CHECK(max_rate(printed_screw, sampled(Kind::kOpenLoop, 0.01, 60.0)) > 2.0);
+  }
 }
