@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "protocols/runtime/stop_signal.hpp"
+
 namespace meltbench::bus {
 namespace {
 
@@ -49,6 +51,8 @@ RunOutcome VirtualTime::run(Nanos duration) {
     const Instant due = std::max(now_, next_wake(parties_[number]));
     if (due > Instant{duration}) break;
     if (due > now_) {
+      if (runtime::stop_requested())
+        return end(RunOutcome::Kind::kInterrupted, lost_text({}, PortStatus::kInterrupted, now_));
       write_rows_before(due);
       now_ = due;
       wakeups_now = 0;

@@ -17,9 +17,8 @@ constexpr Nanos kStartDelay = 20ms;  // From the welcome to Instant{0}: all have
 
 }  // namespace
 
-WallClockRelay::WallClockRelay(std::span<Joined> joined, link::CanLink* kernel_bus, Nanos record_period,
-                               RunObserver& observer)
-    : kernel_bus_{kernel_bus}, record_period_{record_period}, observer_{observer} {
+WallClockRelay::WallClockRelay(std::span<Joined> joined, link::CanLink* kernel_bus, Nanos record_period)
+    : kernel_bus_{kernel_bus}, record_period_{record_period} {
   for (Joined& program : joined) {
     Party party;
     party.joined = &program;
@@ -33,7 +32,8 @@ WallClockRelay::WallClockRelay(std::span<Joined> joined, link::CanLink* kernel_b
   values_.resize(signals_.size());
 }
 
-RunOutcome WallClockRelay::run(Nanos duration, double speed) {
+RunOutcome WallClockRelay::run(Nanos duration, double speed, RunObserver& observer) {
+  observer_ = &observer;
   const Nanos start = runtime::read_monotonic() + kStartDelay;
   clock_ = runtime::RealTimeClock{start, speed};
   for (Party& party : parties_) {
@@ -85,7 +85,7 @@ void WallClockRelay::read_messages(std::size_t number) {
     if (const auto at = runtime::read_report(message, events_, report.values)) {
       report.at = *at;
       party.reports.push_back(std::move(report));
-      for (const Event& event : events_) observer_.on_event(number, event);
+      for (const Event& event : events_) observer_->on_event(number, event);
     }
   }
 }
@@ -97,7 +97,7 @@ void WallClockRelay::read_kernel_bus() {
 
 void WallClockRelay::carry(std::size_t sender, Nanos at_monotonic, const can::CanFrame& frame) {
   last_frame_at_ = std::max({last_frame_at_, clock_.to_instant(at_monotonic), Instant{}});
-  observer_.on_frame({last_frame_at_, frame}, sender);
+  observer_->on_frame({last_frame_at_, frame}, sender);
   if (sender == kOutsideSender) return;  // The kernel has carried it already.
   runtime::write_frame(writer_, at_monotonic, frame);
   for (std::size_t number = 0; number < parties_.size(); ++number) {
@@ -115,7 +115,7 @@ void WallClockRelay::write_rows_until(Instant at) {
         party.reports.pop_front();
       }
     }
-    observer_.on_row(next_row_, values_);
+    observer_->on_row(next_row_, values_);
   }
 }
 

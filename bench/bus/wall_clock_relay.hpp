@@ -17,10 +17,10 @@ namespace meltbench::bus {
 class WallClockRelay {
  public:
   /// @param joined  in the order of their numbers.  @param kernel_bus  the bus to listen on; null: carry the frames.
-  WallClockRelay(std::span<Joined> joined, link::CanLink* kernel_bus, Nanos record_period, RunObserver& observer);
+  WallClockRelay(std::span<Joined> joined, link::CanLink* kernel_bus, Nanos record_period);
 
   /// Welcomes everybody, runs for `duration` of bench time at `speed` bench seconds per second.
-  [[nodiscard]] RunOutcome run(Nanos duration, double speed);
+  [[nodiscard]] RunOutcome run(Nanos duration, double speed, RunObserver& observer);
 
   /// Signals of all participants, with those of their real-time drivers, in the order of on_row's values.
   [[nodiscard]] const std::vector<SignalInfo>& signals() const { return signals_; }
@@ -49,7 +49,7 @@ class WallClockRelay {
   std::vector<Party> parties_;
   link::CanLink* kernel_bus_;
   Nanos record_period_;
-  RunObserver& observer_;
+  RunObserver* observer_ = nullptr;  ///< Of the run that goes on.
   runtime::RealTimeClock clock_{Nanos{}, 1.0};
   std::vector<SignalInfo> signals_;
   std::vector<double> values_;

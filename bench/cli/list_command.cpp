@@ -1,0 +1,37 @@
+#include "bench/cli/list_command.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <vector>
+
+#include "bench/scenario/scenario.hpp"
+
+namespace meltbench::cli {
+
+std::filesystem::path find_scenarios() {
+  const std::filesystem::path here{"fixtures/scenarios"};
+  if (std::filesystem::is_directory(here)) return here;
+  // build/<preset>/bin/meltbench
+  const auto program = std::filesystem::read_symlink("/proc/self/exe");
+  return program.parent_path().parent_path().parent_path().parent_path() / here;
+}
+
+ExitStatus list_scenarios(const std::filesystem::path& folder) {
+  std::vector<std::filesystem::path> files;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator{folder}) {
+    if (entry.path().extension() == ".toml") files.push_back(entry.path());
+  }
+  std::ranges::sort(files);
+  for (const std::filesystem::path& file : files) {
+    const std::vector<scenario::ResolvedRun> runs = scenario::load(file);
+    fmt::print("{}\n    {}\n", file.string(), runs.front().title);
+    if (runs.front().variant.empty()) continue;
+    std::string variants;
+    for (const auto& run : runs) variants += (variants.empty() ? "" : ", ") + run.variant;
+    fmt::print("    variants: {}\n", variants);
+  }
+  return ExitStatus::kHeld;
+}
+
+}  // namespace meltbench::cli

@@ -1,0 +1,128 @@
+/// meltbench - run hardware-in-the-loop scenarios against an extruder controller.
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <system_error>
+
+#include "bench/cli/doctor_command.hpp"
+#include "bench/cli/list_command.hpp"
+#include "bench/cli/report_command.hpp"
+#include "bench/cli/run_command.hpp"
+#include "bench/cli/version.hpp"
+#include "bench/record/load_recording.hpp"
+#include "bench/report/report.hpp"
+#include "protocols/config/value.hpp"
+#include "protocols/link/can_link.hpp"
+
+namespace {
+
+using namespace meltbench;
+using cli::ExitStatus;
+
+int tell(const std::string& what, const std::string& hint, ExitStatus status) {
+  fmt::print(stderr, "error: {}\n", what);
+  if (!hint.empty()) fmt::print(stderr, "hint: {}\n", hint);
+  return static_cast<int>(status);
+}
+
+/// What the words of the command line say, whichever command it is.
+struct Words {
+  cli::RunRequest run;
+  std::string pace = "lockstep";
+  bool in_process = false;
+  std::uint64_t seed = 0;
+  std::filesystem::path scenarios;
+  std::vector<std::filesystem::path> folders;
+  std::filesystem::path page;
+  std::filesystem::path scenario;
+};
+
+CLI::App* add_run_command(CLI::App& app, Words& words) {
+  CLI::App* run = app.add_subcommand("run", "Run scenarios, judge them, write their folder and a report");
+  run->add_option("scenario", words.run.scenarios,
+                  "Scenario files; several give one report with their signals overlaid")
+      ->required();
+  run->add_option("--out", words.run.out, "Folder of the results")->default_str("meltbench-out");
+  run->add_option("--seed", words.seed, "Instead of the scenario's seed; same seed, same bytes");
+  run->add_option("--pace", words.pace, "lockstep | realtime | realtime:FACTOR")->capture_default_str();
+  run->add_flag("--in-process", words.in_process, "Virtual time without processes: same recording, faster");
+  run->add_option(
+      "--can", words.run.can,
+      "virtual:NAME | can0, vcan0 ...; a kernel bus runs at --pace realtime  (default: a bus of this run alone)");
+  run->add_flag("--quiet", words.run.quiet, "Print failures, the sum and the report's place only");
+  run->footer(
+      "Exit status: 0 all checks held, 1 a check failed, 2 bad usage or file, 3 a process or link was lost\n"
+      "Example: meltbench run fixtures/scenarios/delay_compensation.toml --out /tmp/first");
+  return run;
+}
+
+/// @throws std::invalid_argument for what cannot go together.
+void settle(Words& words, const CLI::App& run) {
+  words.run.pace = cli::parse_pace(words.pace);
+  if (words.in_process) {
+    if (!words.run.pace.is_virtual()) throw std::invalid_argument{"--in-process has no wall-clock pace"};
+    if (!words.run.can.empty()) throw std::invalid_argument{"--in-process uses no bus that --can could name"};
+    words.run.pace.kind = cli::Pace::Kind::kInProcess;
+  }
+  if (!words.run.can.empty() && link::parse_bus_uri(words.run.can).kind == link::BusUri::Kind::kSocketCan) {
+    if (run.count("--pace") > 0 && words.run.pace.is_virtual()) {
+      throw std::invalid_argument{"a kernel bus has no virtual time: use --pace realtime"};
+    }
+    words.run.pace.kind = cli::Pace::Kind::kRealTime;
+  }
+  if (run.count("--seed") > 0) words.run.seed = words.seed;
+  if (words.run.out.empty()) words.run.out = "meltbench-out";
+}
+
+ExitStatus dispatch(CLI::App& app, Words& words) {
+  const CLI::App* run = app.get_subcommand("run");
+  if (run->parsed()) {
+    settle(words, *run);
+    return cli::run_scenarios(words.run);
+  }
+  if (app.got_subcommand("list")) {
+    return cli::list_scenarios(words.scenarios.empty() ? cli::find_scenarios() : words.scenarios);
+  }
+  if (app.got_subcommand("report")) return cli::make_report(words.folders, words.page);
+  if (app.got_subcommand("check")) return cli::check_again(words.folders, words.scenario);
+  return cli::examine_machine();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"meltbench - run hardware-in-the-loop scenarios against an extruder controller"};
+  app.set_version_flag("--version", std::string{cli::kProgramVersion});
+  app.require_subcommand(1);
+  Words words;
+  add_run_command(app, words);
+  app.add_subcommand("list", "List scenarios")->add_option("folder", words.scenarios, "default: fixtures/scenarios");
+  CLI::App* report = app.add_subcommand("report", "Make report.html anew from run folders");
+  report->add_option("folder", words.folders, "Run folders; several are overlaid")->required();
+  report->add_option("--page", words.page, "Where to write it (default: report.html in the first folder)");
+  CLI::App* check = app.add_subcommand("check", "Judge recorded runs again");
+  check->add_option("folder", words.folders, "Run folders")->required();
+  check->add_option("--scenario", words.scenario, "Whose checks (default: each folder's repro.toml)");
+  app.add_subcommand("doctor", "Say what this machine offers, and how to get what is missing");
+  try {
+    app.parse(argc, argv);
+    return static_cast<int>(dispatch(app, words));
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : static_cast<int>(ExitStatus::kUsage);
+  } catch (const config::ConfigError& error) {
+    return tell(error.what(), error.hint(), ExitStatus::kUsage);
+  } catch (const link::LinkError& error) {
+    return tell(error.what(), error.hint(), ExitStatus::kUsage);
+  } catch (const record::LoadError& error) {
+    return tell(error.what(), error.hint(), ExitStatus::kUsage);
+  } catch (const report::ReportError& error) {
+    return tell(error.what(), error.hint(), ExitStatus::kUsage);
+  } catch (const std::invalid_argument& error) {
+    return tell(error.what(), "see \"meltbench run --help\"", ExitStatus::kUsage);
+  } catch (const std::system_error& error) {
+    return tell(error.what(), "", ExitStatus::kUsage);
+  } catch (const std::exception& error) {
+    return tell(error.what(), "", ExitStatus::kLost);
+  }
+}

@@ -1,0 +1,82 @@
+#include "bench/cli/run_command.hpp"
+
+#include <fmt/format.h>
+
+#include <chrono>
+
+#include "bench/cli/single_run.hpp"
+#include "bench/cli/verdict.hpp"
+#include "bench/report/report.hpp"
+#include "bench/report/results.hpp"
+#include "protocols/runtime/stop_signal.hpp"
+
+namespace meltbench::cli {
+namespace {
+
+struct JudgedRun {
+  record::Recording recording;
+  check::CheckResults results;
+};
+
+/// A folder for each run below `out`, so that one run's files are where the user said.
+std::filesystem::path choose_folder(const RunRequest& request, const scenario::ResolvedRun& run) {
+  std::filesystem::path folder = request.out;
+  if (request.scenarios.size() > 1) folder /= run.name;
+  if (!run.variant.empty()) folder /= run.variant;
+  return folder;
+}
+
+std::vector<PreparedRun> prepare_all(const RunRequest& request) {
+  std::vector<PreparedRun> prepared;
+  for (const std::filesystem::path& file : request.scenarios) {
+    for (scenario::ResolvedRun& run : scenario::load(file)) {
+      const std::filesystem::path folder = choose_folder(request, run);
+      prepared.push_back(prepare(std::move(run), folder, request));
+    }
+  }
+  return prepared;
+}
+
+JudgedRun run_and_judge(PreparedRun& prepared, const RunRequest& request) {
+  const auto started = std::chrono::steady_clock::now();
+  JudgedRun judged{execute(prepared, request), {}};
+  const double elapsed_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+  judged.results = prepared.checks.judge(judged.recording);
+  report::write_run_results(prepared.folder, judged.recording, judged.results);
+  const report::Run run{&judged.recording, &judged.results};
+  report::write_report(prepared.folder / "report.html", std::span{&run, 1});
+  print_verdict(judged.recording, judged.results, to_s(judged.recording.ending.at) / elapsed_s, request.quiet);
+  return judged;
+}
+
+/// One page over all runs; that of a single run is there already.
+void write_common_report(const RunRequest& request, const std::vector<JudgedRun>& judged) {
+  if (judged.size() > 1) {
+    std::vector<report::Run> runs;
+    for (const JudgedRun& run : judged) runs.push_back({&run.recording, &run.results});
+    report::write_report(request.out / "report.html", runs);
+  }
+  fmt::print("report: {}\n", (request.out / "report.html").string());
+}
+
+}  // namespace
+
+ExitStatus run_scenarios(const RunRequest& request) {
+  std::vector<PreparedRun> prepared = prepare_all(request);
+  runtime::catch_stop_signals();
+  std::vector<JudgedRun> judged;
+  Tally tally;
+  bool lost = false;
+  for (PreparedRun& run : prepared) {
+    judged.push_back(run_and_judge(run, request));
+    tally.add(judged.back().results);
+    lost = judged.back().recording.ending.reason != record::EndReason::kCompleted;
+    if (lost) break;
+  }
+  print_tally(tally);
+  write_common_report(request, judged);
+  if (lost) return ExitStatus::kLost;
+  return tally.failed == 0 ? ExitStatus::kHeld : ExitStatus::kFailed;
+}
+
+}  // namespace meltbench::cli

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+
+#include "bench/check/read_checks.hpp"
+#include "bench/cli/run_request.hpp"
+#include "bench/record/recording.hpp"
+#include "bench/scenario/scenario.hpp"
+#include "protocols/participant/participant.hpp"
+
+namespace meltbench::cli {
+
+/// One run, read and checked as far as that is possible before it starts.
+struct PreparedRun {
+  scenario::ResolvedRun run;
+  std::filesystem::path folder;
+  check::CheckSet checks;
+  std::unique_ptr<Participant> controller;
+  std::unique_ptr<Participant> plant;
+};
+
+/// Reads everything that the run's programs will read, so that every mistake in a file is told before anything starts.
+/// @throws config::ConfigError, link::LinkError.
+[[nodiscard]] PreparedRun prepare(scenario::ResolvedRun run, std::filesystem::path folder, const RunRequest& request);
+
+/// Carries one run to its end, whatever that is, and leaves the recording in its folder. @pre the run is not used
+/// again.
+/// @throws std::system_error if the folder cannot be written or a program not be started; link::LinkError.
+[[nodiscard]] record::Recording execute(PreparedRun& prepared, const RunRequest& request);
+
+}  // namespace meltbench::cli

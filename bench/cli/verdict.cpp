@@ -1,0 +1,58 @@
+#include "bench/cli/verdict.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstdio>
+
+namespace meltbench::cli {
+namespace {
+
+std::string margin_text(const check::CheckResult& result) {
+  if (!result.skipped.empty()) return "skipped: " + result.skipped;
+  if (!std::isfinite(result.margin)) return result.text;
+  std::string text = fmt::format("margin {:.4g}{}{}", result.margin, result.unit.empty() ? "" : " ", result.unit);
+  if (result.at_s) text += fmt::format(" at {:.4g} s", *result.at_s);
+  if (!result.text.empty()) text += fmt::format("; {}", result.text);
+  return text;
+}
+
+std::string_view verdict_word(const check::CheckResult& result) {
+  if (!result.skipped.empty()) return "skipped";
+  return result.held ? "held" : "FAILED";
+}
+
+}  // namespace
+
+void print_verdict(const record::Recording& recording, const check::CheckResults& results, double speed, bool quiet) {
+  if (!quiet || !results.held()) {
+    fmt::print("{}  {:.6g} s", recording.info.label(), to_s(recording.ending.at));
+    if (speed > 0) fmt::print(", {:.0f} x real time", speed);
+    fmt::print("\n");
+  }
+  for (const check::CheckResult& result : results.checks) {
+    if (quiet && result.held) continue;
+    fmt::print("  {:<8}{:<36}  {}\n", verdict_word(result), result.name, margin_text(result));
+  }
+  if (recording.ending.reason != record::EndReason::kCompleted)
+    fmt::print("  ended early: {}\n", recording.ending.text);
+  std::fflush(stdout);
+}
+
+void Tally::add(const check::CheckResults& results) {
+  ++runs;
+  for (const check::CheckResult& result : results.checks) {
+    if (!result.skipped.empty())
+      ++skipped;
+    else
+      ++(result.held ? held : failed);
+  }
+}
+
+void print_tally(const Tally& tally) {
+  fmt::print("{} run{}: {} checks held, {} failed", tally.runs, tally.runs == 1 ? "" : "s", tally.held, tally.failed);
+  if (tally.skipped > 0) fmt::print(", {} skipped", tally.skipped);
+  fmt::print("\n");
+}
+
+}  // namespace meltbench::cli
