@@ -4,14 +4,11 @@
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
-#include <cstring>
-#include <fstream>
-#include <iterator>
 #include <numbers>
 #include <string_view>
 
 #include "protocols/canopen/eds.hpp"
+#include "protocols/config/toml.hpp"
 
 namespace meltbench::machine {
 
@@ -89,13 +86,6 @@ void read_model(const Section& model, const Section& plant, ControllerSettings& 
 
 // --- the boards
 
-std::string read_text_file(const std::filesystem::path& file, const Section& asked_by) {
-  std::ifstream in{file, std::ios::binary};
-  std::string text{std::istreambuf_iterator<char>{in}, {}};
-  if (!in.is_open() || in.bad()) asked_by.fail("eds", fmt::format("cannot be read: {}", std::strerror(errno)));
-  return text;
-}
-
 std::uint32_t read_identity_value(const canopen::ObjectDictionary& dictionary, std::uint16_t index, std::uint8_t sub) {
   return static_cast<std::uint32_t>(dictionary.integer_or(index, sub, 0));
 }
@@ -103,7 +93,7 @@ std::uint32_t read_identity_value(const canopen::ObjectDictionary& dictionary, s
 Identity read_identity(const config::RigBoard& board) {
   try {
     const canopen::Eds eds =
-        canopen::read_eds(read_text_file(board.eds, board.section), board.eds.string(), board.node_id);
+        canopen::read_eds(config::read_text_file(board.eds, board.section.origin()), board.eds.string(), board.node_id);
     return {.device_type = read_identity_value(eds.dictionary, 0x1000, 0),
             .vendor = read_identity_value(eds.dictionary, 0x1018, 1),
             .product = read_identity_value(eds.dictionary, 0x1018, 2),

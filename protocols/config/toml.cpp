@@ -232,8 +232,8 @@ void append_table(std::string& out, const Table& table, const std::string& path)
 
 Table parse_toml(std::string_view text, std::string_view file_name) {
   const auto file = std::make_shared<const std::string>(file_name);
-  if (text.size() > kMaxTomlBytes) {
-    throw ConfigError{Origin{file, 0, 0}, fmt::format("{} bytes, at most {} are read", text.size(), kMaxTomlBytes)};
+  if (text.size() > kMaxFileBytes) {
+    throw ConfigError{Origin{file, 0, 0}, fmt::format("more than {} bytes", kMaxFileBytes)};
   }
   refuse_deep_keys(text, file);
   try {
@@ -243,7 +243,7 @@ Table parse_toml(std::string_view text, std::string_view file_name) {
   }
 }
 
-std::shared_ptr<const Table> read_toml_file(const std::filesystem::path& file, const Origin& asked_by) {
+std::string read_text_file(const std::filesystem::path& file, const Origin& asked_by) {
   const auto refuse = [&](std::string_view why) {
     throw ConfigError{asked_by, fmt::format("cannot read \"{}\": {}", file.string(), why),
                       asked_by.file ? "the path is relative to the folder of the file that says it"
@@ -253,12 +253,16 @@ std::shared_ptr<const Table> read_toml_file(const std::filesystem::path& file, c
   if (std::filesystem::is_directory(file, error)) refuse("it is a folder");
   std::ifstream stream{file, std::ios::binary};
   if (!stream) refuse(std::generic_category().message(errno));
-  // One byte more than allowed is enough to be refused: /dev/zero has no end.
-  std::string text(kMaxTomlBytes + 1, '\0');
+  std::string text(kMaxFileBytes + 1, '\0');  // One byte too many is enough: /dev/zero has no end.
   stream.read(text.data(), static_cast<std::streamsize>(text.size()));
   if (stream.bad()) refuse("reading failed");
   text.resize(static_cast<std::size_t>(stream.gcount()));
-  return std::make_shared<const Table>(parse_toml(text, file.string()));
+  if (text.size() > kMaxFileBytes) refuse(fmt::format("more than {} bytes", kMaxFileBytes));
+  return text;
+}
+
+std::shared_ptr<const Table> read_toml_file(const std::filesystem::path& file, const Origin& asked_by) {
+  return std::make_shared<const Table>(parse_toml(read_text_file(file, asked_by), file.string()));
 }
 
 std::string write_toml(const Table& table) {

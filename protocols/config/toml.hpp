@@ -10,17 +10,20 @@
 
 namespace meltbench::config {
 
-/// Larger files are refused: a rig or scenario of a person is a hundred times smaller.
-inline constexpr std::size_t kMaxTomlBytes = 4U << 20;
+/// Larger files are refused: what a person writes is a hundred times smaller.
+inline constexpr std::size_t kMaxFileBytes = 4U << 20;
 
 /// Reads TOML 1.0. Safe on any bytes: depth, size and repeated keys are bounded or refused.
 /// @param file_name  for messages only.
 /// @throws ConfigError with line and column: syntax, a key given twice, a date, nesting too deep.
 [[nodiscard]] Table parse_toml(std::string_view text, std::string_view file_name);
 
-/// The one function here that reads a file.
-/// @param asked_by  where the file was named ("rig = ..."): complaints about a missing file point there.
-/// @throws ConfigError as parse_toml(), or if the file cannot be read.
+/// All of a file; with read_toml_file() the only I/O here.
+/// @param asked_by  where the file was named ("rig = ..."): complaints point there.
+/// @throws ConfigError if it cannot be read or is larger than kMaxFileBytes.
+[[nodiscard]] std::string read_text_file(const std::filesystem::path& file, const Origin& asked_by = {});
+
+/// @throws ConfigError as read_text_file() and parse_toml().
 [[nodiscard]] std::shared_ptr<const Table> read_toml_file(const std::filesystem::path& file,
                                                           const Origin& asked_by = {});
 
