@@ -1,0 +1,11 @@
+#pragma once
+/// The fixed parts of the page.
+
+#include <string_view>
+
+namespace meltbench::report {
+
+extern const std::string_view kPageStyle;   ///< CSS.
+extern const std::string_view kPageScript;  ///< JavaScript; needs dygraphs, its synchronizer, and the element #data.
+
+}  // namespace meltbench::report
