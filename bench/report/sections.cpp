@@ -255,7 +255,9 @@ std::string render_events(std::span<const Run> runs) {
   const std::vector<std::string> names = name_runs(runs);
   std::string html = "<h2>Events</h2>\n";
   for (std::size_t i = 0; i < runs.size(); ++i) {
-    const std::vector<record::RecordedEvent>& events = runs[i].recording->events;
+    std::vector<record::RecordedEvent> events = runs[i].recording->events;
+    std::stable_sort(events.begin(), events.end(),
+                     [](const auto& a, const auto& b) { return a.event.at < b.event.at; });
     html +=
         fmt::format("<details{}><summary><span class=\"swatch run{}\"></span>{}: {}</summary>\n",
                     runs.size() == 1 ? " open" : "", i % 8, escape_markup(names[i]), count_of(events.size(), "event"));
