@@ -14,7 +14,7 @@ constexpr double kMaxDelay_s = 1e6;        // Stands for "for ever" while the sc
 
 FrozenDelayPlant::FrozenDelayPlant(double length_m, double theta2_per_m, double x0_m, double U_before,
                                    const ScrewClock& clock, std::size_t max_samples)
-    : L_{length_m}, theta2_{theta2_per_m}, samples_(max_samples), x_{x0_m} {
+    : L_{length_m}, theta2_{theta2_per_m}, samples_(max_samples), before_{clock}, x_{x0_m} {
   samples_.push_back(Sample{0.0, U_before, 0.0});
   content0_m_ = content_m(clock);
 }
@@ -128,14 +128,18 @@ void FrozenDelayPlant::take(double h, const Step& to, const ScrewClock& clock) {
   x_ = x_new;
 }
 
-// int U c dt from 0 to t; negative before 0.
-double FrozenDelayPlant::calc_fed_m(double t, const ScrewClock& clock) const {
+// int U c dt from 0 to t, t in the current sample; negative before 0. The clock may have been changed since then, so
+// not by the clock but by what was fed.
+double FrozenDelayPlant::calc_fed_m(double t) const {
   const Sample& sample = samples_[current_];
-  return sample.fed_end_m - sample.U * (clock.conveyed_m(sample.t_end) - clock.conveyed_m(t));
+  if (current_ == 0) return sample.fed_end_m + sample.U * (before_.conveyed_m(t) - before_.conveyed_m(sample.t_end));
+  const Sample& previous = samples_[current_ - 1];
+  const double share = (t - previous.t_end) / (sample.t_end - previous.t_end);
+  return previous.fed_end_m + share * (sample.fed_end_m - previous.fed_end_m);
 }
 
 double FrozenDelayPlant::content_m(const ScrewClock& clock) const {
-  return x_ + samples_.back().fed_end_m - calc_fed_m(calc_phi(t_, x_, clock), clock);
+  return x_ + samples_.back().fed_end_m - calc_fed_m(calc_phi(t_, x_, clock));
 }
 
 double FrozenDelayPlant::mass_residual_m(const ScrewClock& clock) const {

@@ -54,7 +54,7 @@ class FrozenDelayPlant {
   [[nodiscard]] double calc_max_step_s(const ScrewClock& clock) const;
   [[nodiscard]] double calc_crossing_s(double h, double phi_end, double boundary, const ScrewClock& clock) const;
   [[nodiscard]] double sample_begin() const;
-  [[nodiscard]] double calc_fed_m(double t, const ScrewClock& clock) const;
+  [[nodiscard]] double calc_fed_m(double t) const;
   void append(double t_end, double U, const ScrewClock& clock);
   void select_sample(double phi);
   void take(double h, const Step& to, const ScrewClock& clock);
@@ -62,6 +62,7 @@ class FrozenDelayPlant {
   double L_, theta2_;
   Ring<Sample> samples_;     // The oldest one holds for ever before its end.
   std::size_t current_ = 0;  // The one that phi lies in.
+  ScrewClock before_;        // As the screw ran before the start.
   double t_ = 0.0, x_;
   bool flooded_ = false;
   double outflow_m_ = 0.0, spill_m_ = 0.0, content0_m_ = 0.0;

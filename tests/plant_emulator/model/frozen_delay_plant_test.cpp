@@ -124,3 +124,16 @@ TEST_CASE("Frozen-delay plant: survives a screw so slow that material arrives ou
     REQUIRE(x <= 0.2);
   }
 }
+
+TEST_CASE("Frozen-delay plant: a change of speed leaves what was fed before it as it was", "[model]") {
+  const BizoneParameters p = make_parameters(Preset::kPaper, FluctuationCase::kNone);
+  ScrewClock clock = make_clock(p);
+  FrozenDelayPlant plant = Rig{p}.plant();
+  plant.advance(1.0, p.outflow_ratio(0.1), clock);
+  clock.set_speed(1.0, 0.45);
+  // (16) now has twice the delay: the material under way is read at another place, but of one kind, so nothing changes.
+  plant.advance(1.01, p.outflow_ratio(0.1), clock);
+  CHECK(plant.x_m() == Approx(0.1).margin(1e-12).epsilon(0));
+  // phi jumps back by 0.11 s, and what was fed then counts at the speed of then: 0.1 m twice.
+  CHECK(plant.mass_residual_m(clock) == Approx(0.1 * p.outflow_ratio(0.1)).margin(2e-3));
+}
