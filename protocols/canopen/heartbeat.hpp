@@ -18,7 +18,7 @@ enum class HeartbeatChange : std::uint8_t {
   kBootUp,  ///< Boot-up message: the node has been reset.
   kState,   ///< It is in another NMT state than before.
   kLost,    ///< No heartbeat for the time-out.
-  kBack,    ///< First heartbeat after it was lost.
+  kBack,    ///< First sign of life after it was lost; state kInitialising = it was a boot-up message.
 };
 
 struct HeartbeatEvent {
