@@ -16,7 +16,7 @@ namespace meltbench::law {
 namespace {
 
 constexpr std::size_t kMaxInFlight = 4096;  // Later commands on their way are not looked at.
-constexpr double kMinMotion_m = 1e-12;    // Less than this is a screw at rest.
+constexpr double kMinMotion_m = 1e-12;      // Less than this is a screw at rest.
 
 constexpr std::string_view kOpenLoop = "open_loop", kUncompensated = "uncompensated", kExact = "exact_predictor",
                            kStateOnly = "state_only_predictor", kPaper = "paper_predictor";

@@ -40,7 +40,8 @@ double ParcelPlant::calc_arrival_distance(double rest, double d_max, double U) c
     (excess > 0.0 ? high : low) = d;
     double next = d - excess / ((1.0 - U) * (1.0 + theta2_ * (x_ + rise)));
     if (!(next >= low && next <= high)) next = 0.5 * (low + high);
-    const bool settled = std::abs(next - d) <= 1e-8 * d;  // Newton doubles the digits: `next` is exact but for rounding.
+    const bool settled =
+        std::abs(next - d) <= 1e-8 * d;  // Newton doubles the digits: `next` is exact but for rounding.
     d = next;
     if (settled) break;
   }
