@@ -36,7 +36,8 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kBadInput;
+    if (error.get_exit_code() == 0) return app.exit(error);  // --help.
+    return complain(error.what(), "see controller --help");
   }
   try {
     const meltbench::config::Section root{meltbench::config::read_toml_file(rig)};

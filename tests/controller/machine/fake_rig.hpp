@@ -20,6 +20,9 @@
 
 namespace meltbench::machine::testing {
 
+/// Calls of operator new in this program so far (allocation_test.cpp).
+[[nodiscard]] std::uint64_t count_allocations();
+
 inline canopen::ObjectDictionary read_dictionary(const std::string& eds, std::uint8_t node_id) {
   const std::string path = std::string{MELTBENCH_SOURCE_DIR} + "/fixtures/boards/" + eds;
   std::ifstream in{path, std::ios::binary};
@@ -161,6 +164,7 @@ class FakeRig {
   std::function<bool(Instant, const can::CanFrame&)> loses;  ///< True: the frame is lost on the bus.
   std::vector<Event> events;
   std::vector<can::StampedFrame> sent;  ///< By the controller.
+  std::uint64_t allocations = 0;        ///< By the controller.
 
   /// Everything up to and including `end`.
   void run_until(Instant end) {
@@ -224,10 +228,13 @@ class FakeRig {
     from_boards_.clear();
   }
   void wake_controller() {
-    Outbox out;
+    Outbox& out = outbox_;
+    out.clear();
     const std::vector<can::StampedFrame> in = std::move(arrived_);
     arrived_.clear();
+    const std::uint64_t before = count_allocations();
     controller.wake({now_, in, LinkState::kUp}, out);
+    allocations += count_allocations() - before;
     controller_due_ = out.deadline();
     events.insert(events.end(), out.events().begin(), out.events().end());
     for (const can::CanFrame& frame : out.frames()) {
@@ -243,6 +250,7 @@ class FakeRig {
   bool started_ = false;
   Instant now_{};
   Instant controller_due_{};
+  Outbox outbox_;
   canopen::Frames from_boards_;
   std::vector<can::StampedFrame> arrived_;
 };
