@@ -36,7 +36,7 @@ Instant next_sending(bool event_pending, Instant not_before, Instant timer) {
 
 std::uint32_t to_number(std::span<const std::uint8_t> value) {
   std::uint32_t number = 0;
-  std::memcpy(&number, value.data(), std::min(value.size(), sizeof number));
+  if (!value.empty()) std::memcpy(&number, value.data(), std::min(value.size(), sizeof number));
   return number;
 }
 

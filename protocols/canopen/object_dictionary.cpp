@@ -13,7 +13,7 @@ using Bytes = std::span<const std::uint8_t>;
 
 std::uint64_t load_unsigned(Bytes bytes) {
   std::uint64_t value = 0;
-  std::memcpy(&value, bytes.data(), std::min<std::size_t>(bytes.size(), sizeof value));
+  if (!bytes.empty()) std::memcpy(&value, bytes.data(), std::min<std::size_t>(bytes.size(), sizeof value));
   return value;
 }
 

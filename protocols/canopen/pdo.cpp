@@ -198,7 +198,7 @@ AbortCode check_pdo_write(ObjectDictionary& dictionary, ObjectAddress address, s
   const std::uint16_t parameters = parameter_index(object.direction, object.number);
   const bool is_off = (read_u32(dictionary, parameters, kCobIdSub, kPdoInvalid) & kPdoInvalid) != 0;
   std::uint32_t number = 0;
-  std::memcpy(&number, value.data(), std::min(value.size(), sizeof number));
+  if (!value.empty()) std::memcpy(&number, value.data(), std::min(value.size(), sizeof number));
   if (object.is_mapping) return check_mapping_write(dictionary, object, address, is_off, number);
   return check_parameter_write(address.sub, is_off, read_u32(dictionary, address.index, address.sub, 0), number);
 }
