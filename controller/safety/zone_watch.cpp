@@ -1,0 +1,69 @@
+#include "controller/safety/zone_watch.hpp"
+
+#include <fmt/format.h>
+
+namespace meltbench::safety {
+
+ZoneWatch::Heater ZoneWatch::classify(const ZoneReport& report) const {
+  if (report.output >= limits_.full_output) return Heater::kOn;
+  if (report.output <= limits_.no_output) return Heater::kOff;
+  return Heater::kBetween;
+}
+
+ZoneTrip ZoneWatch::add(Instant at, const ZoneReport& report, std::optional<double> set_point_degC) {
+  if (!report.sensor_good) return ZoneTrip::kSensorOpen;
+  if (!(report.T_degC <= limits_.max_degC)) return ZoneTrip::kOverTemperature;  // NaN is no temperature either.
+  const Heater heater = classify(report);
+  if (heater != heater_) {
+    heater_ = heater;
+    window_from_ = at;
+    window_T_degC_ = report.T_degC;
+    return ZoneTrip::kNone;
+  }
+  if (heater == Heater::kBetween || at - window_from_ < limits_.window) return ZoneTrip::kNone;
+  rise_K_ = report.T_degC - window_T_degC_;
+  window_from_ = at;
+  window_T_degC_ = report.T_degC;
+  if (heater == Heater::kOn) return rise_K_ < limits_.min_rise_K ? ZoneTrip::kNotRising : ZoneTrip::kNone;
+  const bool asked = set_point_degC && report.T_degC <= *set_point_degC + limits_.max_unasked_rise_K;
+  return !asked && rise_K_ > limits_.max_unasked_rise_K ? ZoneTrip::kRisingUnasked : ZoneTrip::kNone;
+}
+
+std::string_view code_of(ZoneTrip trip) {
+  switch (trip) {
+    case ZoneTrip::kNone:
+      break;
+    case ZoneTrip::kOverTemperature:
+      return "zone-over-temperature";
+    case ZoneTrip::kSensorOpen:
+      return "zone-sensor-open";
+    case ZoneTrip::kNotRising:
+      return "zone-not-rising";
+    case ZoneTrip::kRisingUnasked:
+      return "zone-rising-unasked";
+  }
+  return "none";
+}
+
+std::string describe(ZoneTrip trip, const ZoneWatch& watch, std::string_view zone, const ZoneReport& report) {
+  const ZoneLimits& limits = watch.limits();
+  switch (trip) {
+    case ZoneTrip::kNone:
+      break;
+    case ZoneTrip::kOverTemperature:
+      return fmt::format("{}: {:.1f} C, limit {:.1f} C; is its relay welded?", zone, report.T_degC, limits.max_degC);
+    case ZoneTrip::kSensorOpen:
+      return fmt::format("{}: thermocouple open or not trusted by its board; look at the plug of the sensor", zone);
+    case ZoneTrip::kNotRising:
+      return fmt::format(
+          "{}: {:+.1f} K in {:.0f} s of full power, at least {:.1f} K expected; look at the heater band, "
+          "its fuse, and the seat of the thermocouple",
+          zone, watch.rise_K(), to_s(limits.window), limits.min_rise_K);
+    case ZoneTrip::kRisingUnasked:
+      return fmt::format("{}: {:+.1f} K in {:.0f} s without power, at most {:.1f} K expected; is its relay welded?",
+                         zone, watch.rise_K(), to_s(limits.window), limits.max_unasked_rise_K);
+  }
+  return "nothing";
+}
+
+}  // namespace meltbench::safety
