@@ -6,7 +6,7 @@
 using namespace meltbench;
 
 TEST_CASE("Board EDS: a conformance test finds nothing to object to", "[board][eds]") {
-  for (const char* name : {"feeder", "screw_drive", "melt_pressure"}) {
+  for (const char* name : {"feeder", "screw_drive", "melt_pressure", "heater", "preconditioner", "melt_camera"}) {
     INFO(name);
     canopen::ObjectDictionary dictionary = board::read_board_eds(name);
     for (const std::string& fault : canopen::find_conformity_faults(dictionary)) FAIL_CHECK(fault);
