@@ -61,8 +61,10 @@ Outcome FramePeriod::judge(const record::Recording& recording) const {
     return failed(std::move(outcome), fmt::format("only one frame {:03X} in the window", cob_id));
 
   const auto deviation = [&](const Gap& gap) { return std::abs(gap.length_s - period_s); };
-  std::stable_sort(gaps.closed.begin(), gaps.closed.end(),
-                   [&](const Gap& a, const Gap& b) { return deviation(a) < deviation(b); });
+  // Of equal ones the first is told: it is the one that lies last.
+  std::sort(gaps.closed.begin(), gaps.closed.end(), [&](const Gap& a, const Gap& b) {
+    return std::pair{deviation(a), b.end} < std::pair{deviation(b), a.end};
+  });
   const Gap& judged_gap = gaps.closed[rank_of(percentile, gaps.closed.size())];
   return judged(std::move(outcome), to_s(max_deviation) - deviation(judged_gap), to_s(judged_gap.end),
                 fmt::format("{} frames {:03X}, period off by up to {:.6g} ms{} from {:.6g} ms; asked for: {:.6g} ms",
@@ -77,7 +79,9 @@ Outcome FrameJitter::judge(const record::Recording& recording) const {
   std::vector<Gap>& closed = gaps.closed;
   if (closed.empty())
     return failed(std::move(outcome), fmt::format("fewer than two frames {:03X} in the window", cob_id));
-  std::stable_sort(closed.begin(), closed.end(), [](const Gap& a, const Gap& b) { return a.length_s < b.length_s; });
+  std::sort(closed.begin(), closed.end(), [](const Gap& a, const Gap& b) {
+    return std::pair{a.length_s, b.end} < std::pair{b.length_s, a.end};
+  });
   const std::size_t high = rank_of(percentile, closed.size());
   const std::size_t low = std::min(high, closed.size() - 1 - high);
   const double jitter_s = closed[high].length_s - closed[low].length_s;

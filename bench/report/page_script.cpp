@@ -30,7 +30,7 @@ const std::string_view kPageScript = R"js(
     if (value === null || value === undefined) return "";
     if (Number.isNaN(value)) return "none";
     const size = Math.abs(value);
-    if (size !== 0 && (size < 1e-4 || size >= 1e7)) return value.toExponential(3);
+    if (size !== 0 && (size < 1e-4 || size >= 1e7)) return Number(value.toPrecision(4)).toExponential();
     return String(Number(value.toPrecision(6)));
   };
 

@@ -35,9 +35,12 @@ const KnownPlot kKnownPlots[] = {
     {"Delay", {"plant.delay_s", "controller.delay_s"}},
     {"Rate of the delay", {"plant.delay_rate"}},
     {"Mass flow", {"plant.flow_kg_per_s", "plant.feed_kg_per_s"}},
-    {"Feeder", {"feeder.set_point_kg_per_h", "feeder.flow_kg_per_h"}},
+    {"Feeder",
+     {"controller.flow_command_kg_per_h", "feeder.set_point_kg_per_h", "feeder.flow_kg_per_h",
+      "feeder.measured_flow_kg_per_h"}},
     {"Melt pressure", {"plant.pressure_Pa", "melt_pressure.reading_Pa", "controller.pressure_Pa"}},
     {"Conveying speed", {"plant.speed_m_per_s", "controller.speed_m_per_s"}},
+    {"Age of measurements", {"controller.measurement_age_s", "melt_pressure.sample_age_s"}},
 };
 
 /// A plot before its values: which signals.
@@ -78,16 +81,7 @@ std::optional<double> find_still_value(std::span<const Run> runs, std::string_vi
   return still;
 }
 
-void add_to_group(std::vector<Group>& groups, std::string title, const std::string& unit, const std::string& signal) {
-  const auto group = std::find_if(groups.begin(), groups.end(), [&](const Group& g) { return g.title == title; });
-  if (group != groups.end()) {
-    group->signals.push_back(signal);
-  } else {
-    groups.push_back(Group{std::move(title), unit, {signal}});
-  }
-}
-
-/// Known plots first, then the rest by unit (numbers without one each alone), error counters last.
+/// Known plots first, then the rest each alone (their sizes differ too much to share an axis), error counters last.
 /// Still signals are left out unless they belong to a known plot of which another one moves.
 std::vector<Group> make_groups(std::span<const Run> runs, std::vector<std::string>& still) {
   std::vector<std::string> rest = all_signals(runs);
@@ -119,24 +113,18 @@ std::vector<Group> make_groups(std::span<const Run> runs, std::vector<std::strin
   }
 
   std::vector<Group> others;
-  std::vector<Group> counters;
+  Group counters{"Error counters", "", {}};
   for (const std::string& name : rest) {
     if (const auto value = find_still_value(runs, name)) {
       note_still(name, *value);
     } else if (is_counter(runs, name)) {
-      add_to_group(counters, "Error counters", "", name);
-    } else if (const std::string unit = record::unit_of_signal(name); unit.empty()) {
-      add_to_group(others, name, "", name);
+      counters.signals.push_back(name);
     } else {
-      add_to_group(others, "Others in " + unit, unit, name);
+      others.push_back({name, record::unit_of_signal(name), {name}});
     }
   }
-  // A plot of one needs no collective name.
-  for (Group& group : others) {
-    if (group.signals.size() == 1) group.title = group.signals[0];
-  }
   groups.insert(groups.end(), others.begin(), others.end());
-  groups.insert(groups.end(), counters.begin(), counters.end());
+  if (!counters.signals.empty()) groups.push_back(std::move(counters));
   return groups;
 }
 

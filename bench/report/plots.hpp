@@ -29,8 +29,8 @@ struct Plots {
   bool thinned = false;            ///< Buckets of minimum and maximum instead of every row.
 };
 
-/// Groups and thins the signals of the runs. What belongs together shares a plot, the closed loop first; signals that
-/// we do not know are grouped by their unit.
+/// Groups and thins the signals of the runs. What belongs together shares a plot, the closed loop first; a signal that
+/// we do not know has a plot of its own.
 ///
 /// If all runs have the same rows and they fit, every row is kept. Else each run is cut into equal buckets of time,
 /// of which the smallest and the largest value are kept in their order, so no peak is lost.

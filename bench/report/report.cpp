@@ -107,7 +107,7 @@ std::string render_report(std::span<const Run> runs) {
   std::string page = fmt::format(
       "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{}</title>\n<style>",
-      escape_markup(info.title.empty() ? info.label() : info.title));
+      escape_markup(make_title(runs)));
   page += read_asset("dist/dygraph.min.css");
   page += kPageStyle;
   page += "</style>\n</head>\n<body>\n";

@@ -158,6 +158,26 @@ std::vector<std::string> name_runs(std::span<const Run> runs) {
   return names;
 }
 
+std::string make_title(std::span<const Run> runs) {
+  const auto title_of = [](const Run& run) {
+    const record::RunInfo& info = run.recording->info;
+    return info.title.empty() ? info.label() : info.title;
+  };
+  std::string title = title_of(runs[0]);
+  bool shortened = false;
+  for (const Run& run : runs) {
+    const std::string other = title_of(run);
+    if (other == title) continue;
+    const auto [end, unused] = std::mismatch(title.begin(), title.end(), other.begin(), other.end());
+    title.erase(end, title.end());
+    shortened = true;
+  }
+  if (!shortened) return title;
+  // Only a whole part of a title is one: "Step: f" of "Step: fast" and "Step: free" is "Step".
+  const std::size_t colon = title.rfind(": ");
+  return colon == std::string::npos || colon == 0 ? count_of(runs.size(), "run") : title.substr(0, colon);
+}
+
 std::string format_quantity(double value, const std::string& unit) {
   constexpr std::array kPrefixed{"m", "s", "Pa", "V", "A", "W", "J", "N", "Hz"};
   const bool takes_prefix = std::find(kPrefixed.begin(), kPrefixed.end(), unit) != kPrefixed.end();
@@ -181,16 +201,12 @@ std::string render_title(std::span<const Run> runs) {
     total += run.results->checks.size();
     for (const check::CheckResult& check : run.results->checks) skipped += check.skipped.empty() ? 0 : 1;
   }
-  const record::RunInfo& info = runs[0].recording->info;
-  const bool one_title = std::all_of(runs.begin(), runs.end(),
-                                     [&](const Run& run) { return run.recording->info.scenario == info.scenario; });
-  const std::string title = !one_title ? count_of(runs.size(), "run") : info.title.empty() ? info.label() : info.title;
   std::string verdict = failed == 0 ? (total == 1 ? "The check held" : fmt::format("All {} checks held", total))
                                     : fmt::format("{} of {} failed", failed, count_of(total, "check"));
   std::string detail = count_of(runs.size(), "run");
   if (skipped > 0) detail += fmt::format(", {} skipped", count_of(skipped, "check"));
-  return fmt::format("<h1>{}</h1>\n<div class=\"banner {}\"><b>{}</b> <span>in {}</span></div>\n", escape_markup(title),
-                     failed == 0 ? "held" : "failed", verdict, detail);
+  return fmt::format("<h1>{}</h1>\n<div class=\"banner {}\"><b>{}</b> <span>in {}</span></div>\n",
+                     escape_markup(make_title(runs)), failed == 0 ? "held" : "failed", verdict, detail);
 }
 
 std::string render_checks(std::span<const Run> runs) {

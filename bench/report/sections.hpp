@@ -12,7 +12,11 @@ namespace meltbench::report {
 /// Short names of the runs: the variants if all are of one scenario, else scenario.variant.
 [[nodiscard]] std::vector<std::string> name_runs(std::span<const Run> runs);
 
-/// 0.00028 and "m" -> "0.28 mm": four digits, with a prefix where the unit takes one.
+/// What the page is called: the title of the run, or what the titles of all runs begin with ("Step: fast", "Step:
+/// slow").
+[[nodiscard]] std::string make_title(std::span<const Run> runs);
+
+/// 0.00028 and "m" -> "280 µm": four digits, with a prefix where the unit takes one.
 [[nodiscard]] std::string format_quantity(double value, const std::string& unit);
 
 [[nodiscard]] std::string render_title(std::span<const Run> runs);   ///< Heading and verdict banner.

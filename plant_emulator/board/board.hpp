@@ -50,11 +50,10 @@ template <class T>
 /// caught up on when something is due or arrives. Values for the bus are put into the dictionary when they are asked
 /// for (SYNC, TPDO, SDO read), as of that instant.
 ///
-/// | state           | powered              | readable                    | commandable                              |
-/// |-----------------|----------------------|-----------------------------|------------------------------------------|
-/// | Pre-operational | the board, its drive | everything, by SDO          | everything, by SDO                       |
-/// | Operational     | the same             | and by PDO                  | and by PDO                               |
-/// | Stopped         | the same             | heartbeat only              | nothing: the feeder's watchdog then acts |
+/// What is possible in which NMT state, the board and its drive being powered in all of them:
+/// - Pre-operational: everything can be read and commanded by SDO
+/// - Operational: and by PDO
+/// - Stopped: only the heartbeat can be read, nothing commanded; the feeder's watchdog then acts
 ///
 /// Real time: no allocation in the steady state. Instants never go back.
 class Board : protected canopen::NodeListener {

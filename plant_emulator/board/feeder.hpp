@@ -16,19 +16,16 @@
 
 namespace meltbench::board {
 
-/// Objects of the feeder that a controller needs (fixtures/boards/feeder.eds has all).
-///
-/// | object | type   |           | what |
-/// |--------|--------|-----------|-------------------------------------------------------------------------------------|
-/// | 2000   | REAL32 | RPDO 1    | set point [kg/h]; not a number is refused, a value outside 0..2009 is cut | | 2001
-/// | REAL32 | TPDO 1    | flow delivered now [kg/h], after latency, limit and resolution                      | | 2002
-/// | U16    | TPDO 1    | for how long it has been so [10 us]; 0xFFFF: 0.655 s or longer                      | | 2003
-/// | U8     | TPDO 1    | FeederStatus bits                                                                   | | 2004
-/// | U8     | TPDO 1    | changes of the delivered flow, modulo 256                                           | | 2005
-/// | REAL32 | rw        | flow on loss of master [kg/h]                                                       | | 2006
-/// | U16    | rw        | watchdog [ms], 0 = off                                                              | | 2007
-/// | U32    | ro        | latency [us] from control cycle to flow; a set point waits up to 200A us before     | | 2008
-/// | REAL32 | ro        | totalizer [kg]                                                                      |
+/// Bits of object 2003. The objects of the feeder that a controller needs (fixtures/boards/feeder.eds has all):
+/// - 2000  REAL32  RPDO 1  set point [kg/h]; not a number is refused, a value outside 0..2009 is cut
+/// - 2001  REAL32  TPDO 1  flow delivered now [kg/h], after latency, limit and resolution
+/// - 2002  U16     TPDO 1  for how long it has been so [10 us]; 0xFFFF: 0.655 s or longer
+/// - 2003  U8      TPDO 1  these bits
+/// - 2004  U8      TPDO 1  changes of the delivered flow, modulo 256
+/// - 2005  REAL32  rw      flow on loss of master [kg/h]
+/// - 2006  U16     rw      watchdog [ms], 0 = off
+/// - 2007  U32     ro      latency [us] from control cycle to flow; a set point waits up to 200A us before that
+/// - 2008  REAL32  ro      totalizer [kg]
 ///
 /// TPDO 1 is synchronous (type 1): from two of them a master knows the flow at every instant between, if 2004 differs
 /// by no more than 1: before t_SYNC - age it was what the earlier one said.

@@ -14,17 +14,14 @@
 
 namespace meltbench::board {
 
-/// Objects of the transmitter that a controller needs (fixtures/boards/melt_pressure.eds has all).
-///
-/// | object | type   |         | what |
-/// |--------|--------|---------|---------------------------------------------------------------------------------------|
-/// | 9130:1 | I32    | TPDO 1  | pressure in bar with 5 digits (6131, 6132): one count is 1 Pa | | 6150:1 | U8     |
-/// TPDO 1  | PressureStatus bits                                                                   | | 2001   | U16 |
-/// TPDO 1  | age of the sample at the instant of the SYNC [us]; 0xFFFF: 65.535 ms or older         | | 6130:1 | REAL32
-/// | TPDO 2  | the same pressure [bar]                                                               | | 6114:1 | U32
-/// | ro      | sample period [us]                                                                    | | 2002   | U32
-/// | ro      | latency [us] from the instant of a sample to when it can be read                      | | 6125:1 | U32
-/// | wo      | 0x6F72657A "zero": the pressure of now becomes 0; offset in 6124:1 [bar]              |
+/// Bits of object 6150:1. The objects that a controller needs (fixtures/boards/melt_pressure.eds has all):
+/// - 9130:1  I32     TPDO 1  pressure in bar with 5 digits (6131, 6132): one count is 1 Pa
+/// - 6150:1  U8      TPDO 1  these bits
+/// - 2001    U16     TPDO 1  age of the sample at the instant of the SYNC [us]; 0xFFFF: 65.535 ms or older
+/// - 6130:1  REAL32  TPDO 2  the same pressure [bar]; TPDO 2 is off until a master enables it
+/// - 6114:1  U32     ro      sample period [us]
+/// - 2002    U32     ro      latency [us] from the instant of a sample to when it can be read
+/// - 6125:1  U32     wo      0x6F72657A "zero": the pressure of now becomes 0; offset in 6124:1 [bar]
 ///
 /// TPDO 1 is synchronous (type 1) and carries the newest sample available at SYNC: it was taken at t_SYNC - age.
 enum PressureStatus : std::uint8_t {

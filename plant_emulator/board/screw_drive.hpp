@@ -41,26 +41,24 @@ enum class DriveCommand : std::uint8_t {
 /// on takes both steps at once, as the profile allows. Fault reset is not here: it is an edge, not a level.
 [[nodiscard]] std::optional<DriveState> find_transition(DriveState state, DriveCommand command);
 
-/// Objects of the drive that a controller needs (fixtures/boards/screw_drive.eds has all).
+/// The drive's firmware. The objects that a controller needs (fixtures/boards/screw_drive.eds has all):
+/// - 6040       U16  RPDO 1  control word
+/// - 6041       U16  TPDO 1  status word, sent when it changes
+/// - 6060/6061  I8           mode 2 (vl, rpm) or 3 (pv, increments/s), and its echo
+/// - 6042       I16  RPDO 2  vl target velocity [rpm]; RPDO 2 = 6040 + 6042 is off until a master enables it
+/// - 60FF       I32  RPDO 3  pv target velocity [increments/s]; RPDO 3 = 6040 + 60FF is off, too
+/// - 6064       I32  TPDO 3  position [increments], latched at SYNC: age 0; wraps modulo 2^32
+/// - 606C       I32  TPDO 3  velocity [increments/s] at SYNC
+/// - 608F       U32  ro      :1 increments per :2 turns of the screw
+/// - 6007       I16  rw      on loss of a heartbeat in 1016: 0 nothing, 1 fault, 2 disable voltage, 3 quick stop
 ///
-/// | object | type   |         | what |
-/// |--------|--------|---------|---------------------------------------------------------------------------------------|
-/// | 6040   | U16    | RPDO 1  | control word | | 6041   | U16    | TPDO 1  | status word, sent when it changes | |
-/// 6060/1 | I8     |         | mode 2 (vl, rpm) or 3 (pv, increments/s) and its echo                                 |
-/// | 6042   | I16    | RPDO 2  | vl target velocity [rpm] (RPDO 2 = 6040 + 6042, off until a master enables it) | |
-/// 60FF   | I32    | RPDO 3  | pv target velocity [increments/s] (RPDO 3 = 6040 + 60FF, off)                         |
-/// | 6064   | I32    | TPDO 3  | position [increments], latched at SYNC: age 0; wraps modulo 2^32 | | 606C   | I32    |
-/// TPDO 3  | velocity [increments/s] at SYNC                                                       | | 608F   | U32 |
-/// ro      | :1 increments per :2 turns of the screw                                               | | 6007   | I16 |
-/// rw      | on loss of a heartbeat in 1016: 0 nothing, 1 fault, 2 disable voltage, 3 quick stop   |
-///
-/// The firmware: a ramp in steps of the sample time. A screw turns one way: negative targets count as 0 (status word
-/// bit 11, internal limit), as do amounts outside 6046. Without power it stands still at once, held by the melt.
+/// The speed follows its ramp in steps of the sample time. A screw turns one way: negative targets count as 0 (status
+/// word bit 11, internal limit), as amounts outside 6046 are cut. Without power it stands still at once, held by the
+/// melt.
 ///
 /// *Warm start*: at power-up and NMT reset node the drive is in Operation enabled and turns at nominal speed, as if its
 /// local control had run it until a master takes over. The master reads 6041 and goes on from there; shutdown (6040 =
-/// 0006) would stop the screw. The target in force is the exact nominal speed until 6042 or 60FF is written
-/// differently.
+/// 0006) would stop the screw. The exact nominal speed is the target until 6042 or 60FF is written differently.
 class ScrewDrive final : public Board {
  public:
   /// Parameters and @throws as Feeder.

@@ -72,6 +72,18 @@ TEST_CASE("Report: verdict first, with every margin and the command that repeats
   CHECK(render_report(borrow(good)).find("All 5 checks held") != std::string::npos);
 }
 
+TEST_CASE("Report: runs with titles of their own are called by what they share", "[report]") {
+  std::vector<SampleRun> samples = make_three(1);
+  samples[0].recording.info.title = "Step: fast";
+  samples[1].recording.info.title = "Step: fair";
+  samples[2].recording.info.title = "Step: slow";
+  CHECK(make_title(borrow(samples)) == "Step");
+  samples[2].recording.info.title = "Something else";
+  CHECK(make_title(borrow(samples)) == "3 runs");
+  samples.resize(1);
+  CHECK(make_title(borrow(samples)) == "Step: fast");
+}
+
 TEST_CASE("Report: a run that left nothing can still be shown", "[report]") {
   const record::Recording recording;
   const check::CheckResults results;

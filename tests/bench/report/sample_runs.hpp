@@ -92,7 +92,7 @@ inline SampleRun make_sample_run(int variant, double duration_s = 60, const std:
                                          i < 20 ? 1.0 : 2.0,
                                          variant == 0 ? 0.0 : 36.3194});
     recorder.frame({at, can::make_frame(0x80, {})}, 1);
-    const Nanos late = i % 997 == 996 ? 700us : Nanos{(i * 7919) % 40 * 1000};
+    const Nanos late = i % 997 == 996 ? 700us : Nanos{(i * 7919LL) % 40 * 1000};
     recorder.frame({at + 120us, can::make_frame(0x185, {1, 2, 3, 4, 5, 6, 7, 8})}, 0);
     recorder.frame({at + 240us + late, can::make_frame(0x187, {1, 2, 3, 4, 5, 6, 7})}, 0);
     recorder.frame({at + 900us, can::make_frame(0x205, {1, 2, 3, 4})}, 1);

