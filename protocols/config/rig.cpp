@@ -63,7 +63,10 @@ RigBoard read_board(const Section& board, const std::string& name, NodeIds& ids)
   }
   const auto kind = board.choice<BoardKind>("kind", {{"feeder", BoardKind::kFeeder},
                                                      {"screw_drive", BoardKind::kScrewDrive},
-                                                     {"melt_pressure", BoardKind::kMeltPressure}});
+                                                     {"melt_pressure", BoardKind::kMeltPressure},
+                                                     {"heater", BoardKind::kHeater},
+                                                     {"preconditioner", BoardKind::kPreconditioner},
+                                                     {"melt_camera", BoardKind::kMeltCamera}});
   const auto node_id = static_cast<std::uint8_t>(board.integer("node_id", kNodeId));
   return RigBoard{.name = name,
                   .kind = kind,
@@ -83,6 +86,12 @@ std::string_view name_of(BoardKind kind) {
       return "screw_drive";
     case BoardKind::kMeltPressure:
       return "melt_pressure";
+    case BoardKind::kHeater:
+      return "heater";
+    case BoardKind::kPreconditioner:
+      return "preconditioner";
+    case BoardKind::kMeltCamera:
+      return "melt_camera";
   }
   return "?";
 }

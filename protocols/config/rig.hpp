@@ -11,6 +11,7 @@
 /// A program opens the sections that are its own, and then calls finish() on the root: its own sections are checked key
 /// by key, those of others are left alone, and a top-level name that belongs to nobody is an error.
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -21,9 +22,10 @@
 
 namespace meltbench::config {
 
-enum class BoardKind : std::uint8_t { kFeeder, kScrewDrive, kMeltPressure };
+enum class BoardKind : std::uint8_t { kFeeder, kScrewDrive, kMeltPressure, kHeater, kPreconditioner, kMeltCamera };
+inline constexpr std::size_t kBoardKinds = 6;
 
-/// "feeder", "screw_drive", "melt_pressure".
+/// "feeder", "screw_drive", "melt_pressure", "heater", "preconditioner", "melt_camera".
 [[nodiscard]] std::string_view name_of(BoardKind kind);
 
 struct RigBus {
