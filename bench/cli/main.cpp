@@ -75,6 +75,12 @@ void settle(Words& words, const CLI::App& run) {
   if (words.run.out.empty()) words.run.out = "meltbench-out";
 }
 
+/// The parser says that a command is missing where there is an unknown one.
+std::string explain(const CLI::ParseError& error, const CLI::App& app, int argc, char** argv) {
+  if (argc < 2 || argv[1][0] == '-' || app.get_subcommand_no_throw(argv[1]) != nullptr) return error.what();
+  return fmt::format("there is no command \"{}\"", argv[1]);
+}
+
 ExitStatus dispatch(CLI::App& app, Words& words) {
   const CLI::App* run = app.get_subcommand("run");
   if (run->parsed()) {
@@ -109,7 +115,9 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
     return static_cast<int>(dispatch(app, words));
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : static_cast<int>(ExitStatus::kUsage);
+    if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
+    return tell(explain(error, app, argc, argv), "see \"meltbench --help\" and \"meltbench run --help\"",
+                ExitStatus::kUsage);
   } catch (const config::ConfigError& error) {
     return tell(error.what(), error.hint(), ExitStatus::kUsage);
   } catch (const link::LinkError& error) {

@@ -147,9 +147,9 @@ RunRecorder::RunRecorder(RunInfo info, std::vector<SignalInfo> signals, const st
   files_->cells.resize(recording_.signals.size());
 
   const RunInfo& run = recording_.info;
-  files_->bus.text() += fmt::format("# {}\n# scenario {}, seed {}\n# time base: start of the run, {} pace\n",
+  files_->bus.text() += fmt::format("# {}\n# scenario {}, seed {}\n# time base: {}, from the start of the run\n",
                                     one_line(run.version.empty() ? "meltbench" : run.version), one_line(run.label()),
-                                    run.seed, one_line(run.pace));
+                                    run.seed, run.in_virtual_time() ? "virtual time" : "wall clock");
   std::string& header = files_->signals.text();
   header += "t_s";
   for (const SignalInfo& signal : recording_.signals) header.append(",").append(signal.name);
