@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <system_error>
 
 #include "bench/cli/doctor_command.hpp"
@@ -77,7 +78,9 @@ void settle(Words& words, const CLI::App& run) {
 
 /// The parser says that a command is missing where there is an unknown one.
 std::string explain(const CLI::ParseError& error, const CLI::App& app, int argc, char** argv) {
-  if (argc < 2 || argv[1][0] == '-' || app.get_subcommand_no_throw(argv[1]) != nullptr) return error.what();
+  const auto commands = app.get_subcommands([](const CLI::App*) { return true; });
+  const auto is_command = [&](const CLI::App* command) { return command->get_name() == argv[1]; };
+  if (argc < 2 || argv[1][0] == '-' || std::ranges::any_of(commands, is_command)) return error.what();
   return fmt::format("there is no command \"{}\"", argv[1]);
 }
 
