@@ -24,6 +24,8 @@ TEST_CASE("Bad input: one clear error with its place and a hint, and exit status
       {"missing EDS", scenario_text("[board.feeder]\neds = \"nowhere.eds\"\n"), "nowhere.eds"},
       {"node id twice", scenario_text("[board.feeder]\nnode_id = 6\n"), "node_id"},
       {"unknown event", scenario_text("[[event]]\nat_s = 1\ntarget = \"controller\"\naction = \"dance\"\n"), "dance"},
+      {"event that nobody reads", scenario_text("[[event]]\nat_s = 1\ntarget = \"plant\"\naction = \"clog\"\n"),
+       "plant"},
       {"unknown check", scenario_text("[[check]]\nname = \"x\"\nkind = \"beautiful\"\n"), "beautiful"},
       {"check of an unknown signal",
        scenario_text("[[check]]\nname = \"x\"\nkind = \"band\"\nsignal = \"plant.x_mm\"\nmin = 0\nmax = 1\n"),
