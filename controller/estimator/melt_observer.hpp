@@ -42,7 +42,7 @@ enum class MeltObserverStatus {
   kTripped,   ///< Missing for half a flush time: the estimate is worth nothing, the loop must go to its safe state.
 };
 
-/// (28)-(30) of [K19], on a graded grid that stretches with the measured front:
+/// (O1), (O2) of controller/MODEL.md, [K19] (28)-(30), on a graded grid that stretches with the measured front:
 ///
 ///   ∂That/∂t = α That_xx - b That_x + h (T_b - That),  0 < x < s
 ///   That_x(0) = -q_f/k_s - γ (Y2 - That(0)),  γ = b/(2α);     That(s) = T_m
