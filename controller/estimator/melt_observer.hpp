@@ -87,8 +87,8 @@ class MeltObserver {
   std::array<double, 2> second_of_slope_{};
   std::array<double, 6> front_slope_{};
   std::vector<double> T_;
-  std::vector<double> upper1_;
-  std::vector<double> upper2_;
+  std::vector<double> near_;  // Eliminated rows.
+  std::vector<double> far_;
   double front_m_ = 0.0;
   double front_speed_m_per_s_ = 0.0;
   double coasted_m_ = 0.0;
