@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <system_error>
 
 #include "bench/cli/doctor_command.hpp"
@@ -75,6 +76,14 @@ void settle(Words& words, const CLI::App& run) {
   if (words.run.out.empty()) words.run.out = "meltbench-out";
 }
 
+/// The parser says that a command is missing where there is an unknown one.
+std::string explain(const CLI::ParseError& error, const CLI::App& app, int argc, char** argv) {
+  const auto commands = app.get_subcommands([](const CLI::App*) { return true; });
+  const auto is_command = [&](const CLI::App* command) { return command->get_name() == argv[1]; };
+  if (argc < 2 || argv[1][0] == '-' || std::ranges::any_of(commands, is_command)) return error.what();
+  return fmt::format("there is no command \"{}\"", argv[1]);
+}
+
 ExitStatus dispatch(CLI::App& app, Words& words) {
   const CLI::App* run = app.get_subcommand("run");
   if (run->parsed()) {
@@ -109,7 +118,9 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
     return static_cast<int>(dispatch(app, words));
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : static_cast<int>(ExitStatus::kUsage);
+    if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
+    return tell(explain(error, app, argc, argv), "see \"meltbench --help\" and \"meltbench run --help\"",
+                ExitStatus::kUsage);
   } catch (const config::ConfigError& error) {
     return tell(error.what(), error.hint(), ExitStatus::kUsage);
   } catch (const link::LinkError& error) {

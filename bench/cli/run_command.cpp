@@ -18,19 +18,15 @@ struct JudgedRun {
   check::CheckResults results;
 };
 
-/// A folder for each run below `out`, so that one run's files are where the user said.
-std::filesystem::path choose_folder(const RunRequest& request, const scenario::ResolvedRun& run) {
-  std::filesystem::path folder = request.out;
-  if (request.scenarios.size() > 1) folder /= run.name;
-  if (!run.variant.empty()) folder /= run.variant;
-  return folder;
-}
-
+/// Reads all files, and gives each run a folder below `out`: a single run that folder itself.
 std::vector<PreparedRun> prepare_all(const RunRequest& request) {
   std::vector<PreparedRun> prepared;
   for (const std::filesystem::path& file : request.scenarios) {
-    for (scenario::ResolvedRun& run : scenario::load(file)) {
-      const std::filesystem::path folder = choose_folder(request, run);
+    std::vector<scenario::ResolvedRun> runs = scenario::load(file);
+    for (scenario::ResolvedRun& run : runs) {
+      std::filesystem::path folder = request.out;
+      if (request.scenarios.size() > 1) folder /= run.name;
+      if (runs.size() > 1) folder /= run.variant;
       prepared.push_back(prepare(std::move(run), folder, request));
     }
   }

@@ -247,6 +247,15 @@ void write_repro_file(const PreparedRun& prepared) {
   if (!file) throw std::system_error{errno, std::generic_category(), "cannot write " + path.string()};
 }
 
+/// An event that nobody reads would be a fault that never happens.
+void require_readers(const scenario::ResolvedRun& run) {
+  for (const config::TimelineEvent& event : run.events) {
+    if (event.target != "controller") {
+      event.section.fail("target", "has no actions", "events are for target = \"controller\"");
+    }
+  }
+}
+
 }  // namespace
 
 PreparedRun prepare(scenario::ResolvedRun run, std::filesystem::path folder, const RunRequest& request) {
@@ -256,6 +265,7 @@ PreparedRun prepare(scenario::ResolvedRun run, std::filesystem::path folder, con
   const config::Rig& rig = prepared.run.rig;
   prepared.controller = std::make_unique<machine::Controller>(machine::read_settings(root));
   prepared.plant = std::make_unique<emulator::Emulator>(emulator::read_settings(root, rig), prepared.run.seed);
+  require_readers(prepared.run);
   prepared.checks = check::read_checks(prepared.run.root);
   prepared.checks.require_signals(join_signals(prepared.controller->signals(), prepared.plant->signals()), false);
   prepared.run.root.finish();

@@ -30,13 +30,6 @@ void append_line(BlockFile& file, const Json& object) {
   file.end_line();
 }
 
-/// A text inside a one-line comment: line ends would start lines of their own.
-std::string one_line(std::string text) {
-  std::replace_if(
-      text.begin(), text.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20; }, ' ');
-  return text;
-}
-
 /// Seconds with nine decimals, exact.
 void append_time(std::string& out, Instant at) {
   const auto ns = at.since_start.count();
@@ -146,10 +139,6 @@ RunRecorder::RunRecorder(RunInfo info, std::vector<SignalInfo> signals, const st
   files_ = std::make_unique<Files>(folder);
   files_->cells.resize(recording_.signals.size());
 
-  const RunInfo& run = recording_.info;
-  files_->bus.text() += fmt::format("# {}\n# scenario {}, seed {}\n# time base: start of the run, {} pace\n",
-                                    one_line(run.version.empty() ? "meltbench" : run.version), one_line(run.label()),
-                                    run.seed, one_line(run.pace));
   std::string& header = files_->signals.text();
   header += "t_s";
   for (const SignalInfo& signal : recording_.signals) header.append(",").append(signal.name);

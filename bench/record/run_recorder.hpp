@@ -14,7 +14,8 @@ namespace meltbench::record {
 /// Records one run.
 ///
 /// Files, all UTF-8 text, none of which holds anything that differs between two equal runs in virtual time:
-///   bus.log       candump -l: "(0000000012.340000) bench 185#11223344"; lines that do not start with "(" are comments
+///   bus.log       candump -l: "(0000000012.340000) bench 185#11223344", and nothing else: a comment line would keep
+///                 python-can and Wireshark from reading it; what was run is in events.jsonl
 ///   signals.csv   "t_s,<names>"; time with nine decimals (whole nanoseconds), values as shortest exact decimals
 ///   events.jsonl  one object a line: {"type":"run",...} first, {"type":"event",...}, and {"type":"end",...} last
 /// Each write(2) ends at the end of a line and takes up to 64 KiB: what a killed bench loses is the block in memory,

@@ -145,8 +145,8 @@ MeltObserver::MeltObserver(const MeltObserverModel& model, const MeltObserverNum
   const std::array<double, 6> last{x[N - 5], x[N - 4], x[N - 3], x[N - 2], x[N - 1], x[N]};
   front_slope_ = calc_weights(last, 1.0, 1);
   T_.assign(N + 1, model.T_melt_degC);
-  upper1_.assign(N, 0.0);
-  upper2_.assign(N, 0.0);
+  near_.assign(N, 0.0);
+  far_.assign(N, 0.0);
   start_linear(0.5 * model.length_m, model.T_melt_degC);
 }
 
@@ -207,7 +207,8 @@ double MeltObserver::predict_front_speed_m_per_s(const MeltObserverInput& input)
   return (stefan * b - beta * input.liquid_front_flux_W_per_m2) / (1.0 + stefan);
 }
 
-/// One implicit Euler step of (28)-(30): rows are assembled and eliminated in one pass, the right side is T_ itself.
+/// One implicit Euler step of (28)-(30). Rows are eliminated from both ends towards the middle as they are assembled:
+/// two chains of divisions side by side. The eliminated right side replaces T_.
 void MeltObserver::step(double dt_s, double front_new_m, const MeltObserverInput& input) noexcept {
   const std::size_t N = T_.size() - 1;
   const double s = front_new_m;
@@ -216,42 +217,82 @@ void MeltObserver::step(double dt_s, double front_new_m, const MeltObserverInput
   const double alpha = model_.diffusivity_m2_per_s;
   const double diffusion = -dt_s * alpha / (s * s);
   const double exchange = dt_s * model_.exchange_rate_1_per_s;
+  const double advection_at_inlet = dt_s * input.speed_m_per_s / s;
+  const double stretching = -dt_s * speed / s;
   // (29) as That_x(0) = known + gain That(0); without Y2 there is nothing to inject.
   const double gain = input.T_inlet_degC ? input.speed_m_per_s / (2.0 * alpha) : 0.0;
   const double known = -input.inlet_flux_W_per_m2 / k_s - gain * input.T_inlet_degC.value_or(0.0);
 
-  double u1_1 = 0.0, u2_1 = 0.0, y_1 = 0.0;  // Eliminated row i-1.
-  double u1_2 = 0.0, u2_2 = 0.0, y_2 = 0.0;  // Eliminated row i-2.
-  for (std::size_t i = 0; i < N; ++i) {
-    const double advection = dt_s * (input.speed_m_per_s - nodes_[i] * speed) / s;
-    Row row;
-    for (std::size_t k = 0; k < 5; ++k) row[k] = diffusion * second_[i][k] + advection * first_[i][k];
-    row[2] += 1.0 + exchange;
-    double y = T_[i] + exchange * input.T_barrel_degC;
+  struct Equation {
+    Row of;
+    double y;
+  };
+  const auto assemble = [&](std::size_t i) {
+    Equation row;
+    const double advection = advection_at_inlet + stretching * nodes_[i];
+    for (std::size_t k = 0; k < 5; ++k) row.of[k] = diffusion * second_[i][k] + advection * first_[i][k];
+    row.of[2] += 1.0 + exchange;
+    row.y = T_[i] + exchange * input.T_barrel_degC;
     if (i < 2) {  // Row 0: That_x(0) itself is the advected slope.
       const double of_slope = i == 0 ? s * diffusion * second_of_slope_[0] + s * advection
                                      : s * (diffusion * second_of_slope_[1] + advection * first_of_slope_[1]);
-      row[2 - i] += of_slope * gain;
-      y -= of_slope * known;
+      row.of[2 - i] += of_slope * gain;
+      row.y -= of_slope * known;
     }
-    if (i + 1 == N) y -= row[3] * model_.T_melt_degC;
-    if (i + 2 == N) y -= row[4] * model_.T_melt_degC;
-    const double lower1 = row[1] - row[0] * u1_2;
-    const double pivot = 1.0 / (row[2] - row[0] * u2_2 - lower1 * u1_1);
-    const double u1 = (row[3] - lower1 * u2_1) * pivot;
-    const double u2 = row[4] * pivot;
-    const double eliminated = (y - row[0] * y_2 - lower1 * y_1) * pivot;
-    u1_2 = u1_1, u2_2 = u2_1, y_2 = y_1;
-    u1_1 = upper1_[i] = u1, u2_1 = upper2_[i] = u2, y_1 = T_[i] = eliminated;
+    if (i + 2 >= N) {  // The front is known: to the right side.
+      double& of_front = row.of[2 + N - i];
+      row.y -= of_front * model_.T_melt_degC;
+      of_front = 0.0;
+    }
+    return row;
+  };
+  struct Reduced {  // T = y - near T_next - far T_after_next, counted towards the middle.
+    double near = 0.0, far = 0.0, y = 0.0;
+  };
+  const auto reduce = [](double outer2, double outer1, double centre, double inner1, double inner2, double y,
+                         const Reduced& last, const Reduced& last_but_one) {
+    const double outer = outer1 - outer2 * last_but_one.near;
+    const double pivot = 1.0 / (centre - outer2 * last_but_one.far - outer * last.near);
+    return Reduced{(inner1 - outer * last.far) * pivot, inner2 * pivot,
+                   (y - outer2 * last_but_one.y - outer * last.y) * pivot};
+  };
+  Reduced down, down_before, up, up_before;
+  const auto store = [&](std::size_t i, const Reduced& row) {
+    near_[i] = row.near;
+    far_[i] = row.far;
+    T_[i] = row.y;
+  };
+  const std::size_t below = (N - 2) / 2;
+  const std::size_t middle = N - 2 - below;
+  for (std::size_t k = 0; k < middle; ++k) {
+    const Equation top = assemble(k);
+    const Reduced next = reduce(top.of[0], top.of[1], top.of[2], top.of[3], top.of[4], top.y, down, down_before);
+    down_before = down;
+    store(k, down = next);
+    if (k >= below) break;
+    const std::size_t j = N - 1 - k;
+    const Equation end = assemble(j);
+    const Reduced previous = reduce(end.of[4], end.of[3], end.of[2], end.of[1], end.of[0], end.y, up, up_before);
+    up_before = up;
+    store(j, up = previous);
   }
-  upper1_[N - 1] = upper2_[N - 1] = upper2_[N - 2] = 0.0;  // Their node is the front: already on the right side.
-  double after1 = model_.T_melt_degC, after2 = 0.0;
-  for (std::size_t i = N; i-- > 0;) {
-    const double T = T_[i] - upper1_[i] * after1 - upper2_[i] * after2;
-    T_[i] = T;
-    after2 = after1;
-    after1 = T;
-  }
+
+  // Two rows are left, for That at `middle` and the node after it.
+  const Equation first = assemble(middle), second = assemble(middle + 1);
+  const double outer_1 = first.of[1] - first.of[0] * down_before.near;
+  const double outer_2 = second.of[3] - second.of[4] * up_before.near;
+  const double a11 = first.of[2] - first.of[0] * down_before.far - outer_1 * down.near - first.of[4] * up.far;
+  const double a12 = first.of[3] - outer_1 * down.far - first.of[4] * up.near;
+  const double a21 = second.of[1] - outer_2 * up.far - second.of[0] * down.near;
+  const double a22 = second.of[2] - second.of[4] * up_before.far - outer_2 * up.near - second.of[0] * down.far;
+  const double y1 = first.y - first.of[0] * down_before.y - outer_1 * down.y - first.of[4] * up.y;
+  const double y2 = second.y - second.of[4] * up_before.y - outer_2 * up.y - second.of[0] * down.y;
+  const double determinant = a11 * a22 - a12 * a21;
+  T_[middle] = (y1 * a22 - a12 * y2) / determinant;
+  T_[middle + 1] = (a11 * y2 - a21 * y1) / determinant;
+
+  for (std::size_t i = middle; i-- > 0;) T_[i] -= near_[i] * T_[i + 1] + far_[i] * T_[i + 2];
+  for (std::size_t i = middle + 2; i < N; ++i) T_[i] -= near_[i] * T_[i - 1] + far_[i] * T_[i - 2];
   front_m_ = s;
   front_speed_m_per_s_ = speed;
 }

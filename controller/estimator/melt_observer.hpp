@@ -42,7 +42,7 @@ enum class MeltObserverStatus {
   kTripped,   ///< Missing for half a flush time: the estimate is worth nothing, the loop must go to its safe state.
 };
 
-/// (28)-(30) of [K19], on a graded grid that stretches with the measured front:
+/// (O1), (O2) of controller/MODEL.md, [K19] (28)-(30), on a graded grid that stretches with the measured front:
 ///
 ///   ∂That/∂t = α That_xx - b That_x + h (T_b - That),  0 < x < s
 ///   That_x(0) = -q_f/k_s - γ (Y2 - That(0)),  γ = b/(2α);     That(s) = T_m
@@ -87,8 +87,8 @@ class MeltObserver {
   std::array<double, 2> second_of_slope_{};
   std::array<double, 6> front_slope_{};
   std::vector<double> T_;
-  std::vector<double> upper1_;
-  std::vector<double> upper2_;
+  std::vector<double> near_;  // Eliminated rows.
+  std::vector<double> far_;
   double front_m_ = 0.0;
   double front_speed_m_per_s_ = 0.0;
   double coasted_m_ = 0.0;

@@ -30,11 +30,11 @@ struct MeltCommand {
   }
 };
 
-/// f(x) of (75) [W/m³], x >= 0: heat flux per metre of front; c is the convergence rate [1/s].
+/// f(x), (K5), [K19] (75) [W/m³], x >= 0: heat flux per metre of front; c is the convergence rate [1/s].
 ///   f(x) = c/(β (d1 - d2)) ((d1 - γ) e^{-d1 x} - (d2 - γ) e^{-d2 x})
 [[nodiscard]] double calc_melt_gain_W_per_m3(const MeltReference& reference, double c_1_per_s, double x_m) noexcept;
 
-/// Z of (88), the part of the law that looks at the whole profile and the front [W/m²]:
+/// Z, (K6), [K19] (88): the part of the law that looks at the whole profile and the front [W/m²]:
 ///   Z = β k_s/α_s ∫_0^s f(x) (That - T_s,eq) dx - f(s) (s - s_r)
 /// Both exponentials of f are integrated exactly, against the piecewise-linear profile and the exponentials of T_s,eq:
 /// the first one decays within α/b, where a trapezoid rule would misjudge it by any factor.
@@ -42,8 +42,8 @@ struct MeltCommand {
 [[nodiscard]] double calc_melt_Z_W_per_m2(const MeltReference& reference, double c_1_per_s,
                                           const MeltObservation& observation) noexcept;
 
-/// Largest gain that a law sampled every Ts may close itself: the inlet integrates q_f with b/k_s, and half of it per
-/// sample still settles without overshoot. Returns the command with its gain limited; T_reference stays.
+/// (K8): largest gain that a law sampled every Ts may close itself: the inlet integrates q_f with b/k_s, and half of it
+/// per sample still settles without overshoot. Returns the command with its gain limited; T_reference stays.
 [[nodiscard]] MeltCommand limit_melt_gain(const MeltCommand& command, const MeltReference& reference,
                                           double sample_time_s) noexcept;
 
@@ -57,15 +57,15 @@ class MeltLaw {
   virtual void reset() noexcept = 0;
 };
 
-/// q_f = q_f*: what (9) suffices for if nothing disturbs.
+/// (K9), q_f = q_f*: what (9) suffices for if nothing disturbs.
 class OpenLoopMeltLaw final : public MeltLaw {
  public:
   MeltCommand update(const MeltReference& reference, const MeltObservation& observation, double dt_s) noexcept override;
   void reset() noexcept override {}
 };
 
-/// (133): q_f = q_f* + K_P (s - s_r) + K_I ∫ (s - s_r) dt. Kept to show what it does: the inlet integrates q_f and the
-/// front integrates the inlet behind a delay s/b, so it either creeps or loses the front.
+/// (K10), [K19] (133): q_f = q_f* + K_P (s - s_r) + K_I ∫ (s - s_r) dt. Kept to show what it does: the inlet integrates
+/// q_f and the front integrates the inlet behind a delay s/b, so it either creeps or loses the front.
 class PiMeltLaw final : public MeltLaw {
  public:
   struct Gains {
@@ -81,15 +81,15 @@ class PiMeltLaw final : public MeltLaw {
   double integral_m_s_ = 0.0;
 };
 
-/// (72) with the true profile, (82) with the observer's: backstepping, as an inlet temperature reference
+/// (K7), [K19] (72) with the true profile, (82) with the observer's: backstepping, as an inlet temperature reference
 ///   T_reference = T_s,eq(0) - Z/(γ k_s),   gain = γ k_s,   feedforward = q_f*.
 class BacksteppingMeltLaw final : public MeltLaw {
  public:
   struct Settings {
     /// c/b [1/m]: the front error falls by e over 1/this of screw travel. [K19] takes 100 at every speed.
     double convergence_per_travel_1_per_m = 100.0;
-    /// Slow offset-free trim, ours, off at 0: d(T_reference)/dt = rate b (s - s_r), while |s - s_r| <= gate. 6000 takes
-    /// away two thirds of an offset per 0.15 m of travel.
+    /// (K11): slow offset-free trim, ours, off at 0: d(T_reference)/dt = rate b (s - s_r), while |s - s_r| <= gate.
+    /// 6000 takes away two thirds of an offset per 0.15 m of travel.
     double trim_rate_K_per_m2 = 0.0;
     double trim_gate_m = 2e-3;
     double trim_limit_K = 5.0;

@@ -35,8 +35,8 @@ struct MeltModel {
 
 /// Steady state and gain coefficients for one set point and one screw speed, controller/MODEL.md Part 2.
 ///
-///   x <= s_r: T_s,eq(x) = T_b + p3 e^{q3 (x - s_r)} + p4 e^{q4 (x - s_r)}                      [K19] (11)
-///   x >  s_r: T_s,eq(x) = T_b + (p3 + p4) e^{q4 (x - s_r)}       ours: (11) has one e-fold per α/b there
+///   x <= s_r: T_s,eq(x) = T_b + p3 e^{q3 (x - s_r)} + p4 e^{q4 (x - s_r)}                      (K1), [K19] (11)
+///   x >  s_r: T_s,eq(x) = T_b + (p3 + p4) e^{q4 (x - s_r)}       (K1), ours: (11) has one e-fold per α/b there
 struct MeltReference {
   double front_m;        ///< s_r.
   double speed_m_per_s;  ///< b.

@@ -64,7 +64,8 @@ struct MeltValidity {
 /// Both domains are mapped to fixed graded grids that stretch with s. A step is implicit Euler, solved for the front
 /// speed by a secant iteration, so the fields, the front and the mesh velocity of one step agree (geometric
 /// conservation). Temperatures [°C], x from the inlet [m].
-/// Cost: bounded (at most kMaxSolves linear solves a step, usually two), no allocation after construction, no throw.
+/// Cost: bounded (at most kMaxSolves linear solves a step, usually one or two), no allocation after construction, no
+/// throw.
 class MeltFront {
  public:
   static constexpr int kMaxSolves = 6;
@@ -134,7 +135,9 @@ class MeltFront {
   double mean_inlet_flux_ = 0.0;
   double solid_front_flux_ = 0.0;
   double liquid_front_flux_ = 0.0;
-  double residual_slope_ = 1.0;  // d(mismatch)/d(front speed), carried from step to step.
+  double corrected_speed_ = 0.0;  // First guess of the next step: the last speed less its mismatch ...
+  double acceleration_ = 0.0;     // ... and its trend.
+  double residual_slope_ = 1.0;   // d(mismatch)/d(front speed), carried from step to step.
   double energy_at_start_m_ = 0.0;
   double energy_supplied_m_ = 0.0;
 };

@@ -7,8 +7,15 @@ namespace {
 
 /// Bernoulli function P/(e^P - 1); its series where the quotient loses digits.
 double bernoulli(double P) {
+  if (P > 50.0) return 0.0;  // 1e-20: nothing comes back against the stream.
   if (std::abs(P) < 1e-3) return 1.0 - 0.5 * P + P * P / 12.0;
   return P / (std::exp(P) - 1.0);
+}
+
+/// e^z; the series saves half the step's exponentials, as most cells are short against 1/μ.
+double exp_of_short(double z) {
+  if (std::abs(z) > 0.01) return std::exp(z);
+  return 1.0 + z * (1.0 + z * (1.0 / 2 + z * (1.0 / 6 + z * (1.0 / 24 + z * (1.0 / 120)))));
 }
 
 }  // namespace
@@ -27,45 +34,47 @@ ScharfetterGummelStep::Slopes ScharfetterGummelStep::solve(const Coefficients& c
   const double S = std::sqrt(c.speed_m_per_s * c.speed_m_per_s + 4.0 * alpha * h);
   const double mu = 2.0 * h / (c.speed_m_per_s + S);
   const double dt = c.dt_s;
-  const auto node_speed = [&](std::size_t i) { return (x_new_m[i] - x_old_m[i]) / dt; };
-
-  for (std::size_t i = 0; i + 1 < n; ++i) {
-    const double dx = x_new_m[i + 1] - x_new_m[i];
-    const double P = (S - 0.5 * (node_speed(i) + node_speed(i + 1))) * dx / alpha;
-    const double B = bernoulli(P);
-    const double shift = std::exp(mu * dx);
-    faces_[i] = {alpha / dx * (B + P), alpha / dx * B * shift, shift};
-  }
-
-  const auto half_widths = [n](std::span<const double> x, std::size_t i) {
-    return 0.5 * ((i + 1 < n ? x[i + 1] : x[i]) - (i > 0 ? x[i - 1] : x[i]));
-  };
-  const auto old_content = [&](std::size_t i) {
-    const double source = offset_K.empty() ? 0.0 : dt * h * offset_K[i] * half_widths(x_new_m, i);
-    return half_widths(x_old_m, i) * u_old_K[i] * std::exp(mu * (x_old_m[i] - x_new_m[i])) - source;
-  };
+  const auto moved = [&](std::size_t i) { return x_new_m[i] - x_old_m[i]; };
   // Flux of θ through an end that moves with speed w: (S - w - αμ) u - α u_x.
-  const double through_first = S - node_speed(0) - alpha * mu;
-  const double through_last = S - node_speed(n - 1) - alpha * mu;
+  const double through_first = S - moved(0) / dt - alpha * mu;
+  const double through_last = S - moved(n - 1) / dt - alpha * mu;
 
-  for (std::size_t i = 0; i < n; ++i) {  // Elimination from first to last.
-    double diagonal = half_widths(x_new_m, i);
-    double lower = 0.0;
-    double upper = 0.0;
-    double y = old_content(i);
-    if (i > 0) {
-      lower = -dt * faces_[i - 1].out / faces_[i - 1].shift;
-      diagonal += dt * faces_[i - 1].back / faces_[i - 1].shift;
-    }
+  // Elimination from first to last; a cell's width and the flux at its left face come from the cell before.
+  double half_old = 0.0, half_new = 0.0;
+  Face left{0.0, 0.0, 1.0};
+  double content_first = 0.0, content_last = 0.0, volume_first = 0.0, volume_last = 0.0;
+  double upper_before = 0.0, y_before = 0.0;
+  for (std::size_t i = 0; i < n; ++i) {
+    double volume_old = half_old, volume = half_new;
+    Face right{0.0, 0.0, 1.0};
     if (i + 1 < n) {
-      upper = -dt * faces_[i].back;
-      diagonal += dt * faces_[i].out;
+      const double dx = x_new_m[i + 1] - x_new_m[i];
+      half_old = 0.5 * (x_old_m[i + 1] - x_old_m[i]);
+      half_new = 0.5 * dx;
+      volume_old += half_old;
+      volume += half_new;
+      const double P = (S - 0.5 * (moved(i) + moved(i + 1)) / dt) * dx / alpha;
+      const double B = bernoulli(P);
+      const double shift = exp_of_short(mu * dx);
+      right = faces_[i] = {alpha / dx * (B + P), alpha / dx * B * shift, shift};
     }
+    double content = volume_old * u_old_K[i] * exp_of_short(-mu * moved(i));
+    if (!offset_K.empty()) content -= dt * h * offset_K[i] * volume;
+
+    const double per_shift = dt / left.shift;
+    double lower = -per_shift * left.out;
+    double diagonal = volume + per_shift * left.back + dt * right.out;
+    double upper = -dt * right.back;
+    double y = content;
     if (i == 0) {
+      content_first = content;
+      volume_first = volume;
       diagonal -= dt * (through_first - alpha * first.slope_gain_1_per_m);
       y -= dt * alpha * first.slope_K_per_m;
     }
     if (i + 1 == n) {
+      content_last = content;
+      volume_last = volume;
       diagonal += dt * (through_last - alpha * last.slope_gain_1_per_m);
       y += dt * alpha * last.slope_K_per_m;
     }
@@ -75,9 +84,10 @@ ScharfetterGummelStep::Slopes ScharfetterGummelStep::solve(const Coefficients& c
       diagonal = 1.0;
       y = given->u_K;
     }
-    const double pivot = 1.0 / (diagonal - (i > 0 ? lower * upper_[i - 1] : 0.0));
-    upper_[i] = upper * pivot;
-    right_side_[i] = (y - (i > 0 ? lower * right_side_[i - 1] : 0.0)) * pivot;
+    const double pivot = 1.0 / (diagonal - lower * upper_before);
+    upper_[i] = upper_before = upper * pivot;
+    right_side_[i] = y_before = (y - lower * y_before) * pivot;
+    left = right;
   }
   u_K[n - 1] = right_side_[n - 1];
   for (std::size_t i = n - 1; i-- > 0;) u_K[i] = right_side_[i] - upper_[i] * u_K[i + 1];
@@ -86,13 +96,13 @@ ScharfetterGummelStep::Slopes ScharfetterGummelStep::solve(const Coefficients& c
                 last.slope_K_per_m + last.slope_gain_1_per_m * u_K[n - 1]};
   if (first.value_given) {
     const double out = faces_[0].out * u_K[0] - faces_[0].back * u_K[1];
-    const double in = (half_widths(x_new_m, 0) * u_K[0] - old_content(0)) / dt + out;
+    const double in = (volume_first * u_K[0] - content_first) / dt + out;
     slopes.first_K_per_m = (through_first * u_K[0] - in) / alpha;
   }
   if (last.value_given) {
     const Face& face = faces_[n - 2];
     const double in = (face.out * u_K[n - 2] - face.back * u_K[n - 1]) / face.shift;
-    const double out = in - (half_widths(x_new_m, n - 1) * u_K[n - 1] - old_content(n - 1)) / dt;
+    const double out = in - (volume_last * u_K[n - 1] - content_last) / dt;
     slopes.last_K_per_m = (through_last * u_K[n - 1] - out) / alpha;
   }
   return slopes;

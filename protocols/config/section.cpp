@@ -284,7 +284,8 @@ std::size_t Section::choose(std::string_view key, const std::vector<std::string_
   const std::vector<std::string> candidates(allowed.begin(), allowed.end());
   const std::string_view near = nearest(value, candidates);
   fail(key, fmt::format("must be one of {}", fmt::join(allowed, ", ")),
-       near.empty() ? std::string{} : fmt::format("did you mean \"{}\"?", near));
+       near.empty() ? fmt::format("for example {} = \"{}\"", key, allowed.front())
+                    : fmt::format("did you mean \"{}\"?", near));
 }
 
 std::string Section::choice(std::string_view key, std::initializer_list<std::string_view> allowed) const {

@@ -1,6 +1,7 @@
 #include "protocols/runtime/program.hpp"
 
-#include <fmt/format.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
 
 #include <optional>
 
@@ -69,6 +70,8 @@ int run_on_kernel_bus(Participant& participant, const std::string& interface_nam
 }  // namespace
 
 int run_program(Participant& participant, const ProgramOptions& options) {
+  spdlog::set_default_logger(spdlog::stderr_color_mt(std::string{participant.name()}));
+  spdlog::set_pattern("%^%l%$ %v");
   catch_stop_signals();
   const link::BusUri uri = link::parse_bus_uri(options.can);
   if (uri.kind == link::BusUri::Kind::kVirtual) return run_on_embedded_bus(participant, uri.name);

@@ -1,6 +1,7 @@
 #include "protocols/runtime/real_time_driver.hpp"
 
 #include <poll.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <array>
@@ -13,6 +14,18 @@ namespace {
 constexpr Nanos kRetryPeriod = 200us;  // One frame of 8 bytes takes 220 us at 500 kbit/s.
 constexpr Nanos kLinkCheckPeriod = 100ms;
 constexpr std::size_t kMaxWaiting = 1024;  // Frames; more is a bus that does not move: they are lost, and counted.
+
+spdlog::level::level_enum to_level(Severity severity) {
+  switch (severity) {
+    case Severity::kInfo:
+      return spdlog::level::info;
+    case Severity::kWarning:
+      return spdlog::level::warn;
+    case Severity::kFault:
+      break;
+  }
+  return spdlog::level::err;
+}
 
 timespec to_timespec(Nanos span) {
   return timespec{span / 1s, (span % 1s).count()};
@@ -127,11 +140,19 @@ void RealTimeDriver::send_waiting() {
   }
 }
 
+void RealTimeDriver::log_events() {
+  for (const Event& event : events_) {
+    spdlog::log(to_level(event.severity), "{:.3f} s  {}: {} [{}]", to_s(event.at), participant_.name(), event.text,
+                event.code);
+  }
+  events_.clear();
+}
+
 void RealTimeDriver::report() {
   const std::int64_t periods = now_.since_start / record_period_;
   next_record_ = Instant{(periods + 1) * record_period_};
   if (bench_ == nullptr) {
-    events_.clear();
+    log_events();
     return;
   }
   participant_.read_signals(std::span{signals_}.first(participant_.signals().size()));

@@ -21,7 +21,8 @@ namespace meltbench::runtime {
 /// what waited for it is dropped and counted, and the participant is told of both edges.
 class RealTimeDriver {
  public:
-  /// @param bench  where to report to and who says stop; null: none, the run ends by signal.
+  /// @param bench  where to report to and who says stop; null: none; events go to the log, and
+  /// the run ends by signal.
   RealTimeDriver(Participant& participant, link::CanLink& can, BenchClient* bench, const link::Welcome& timing);
 
   [[nodiscard]] DriverEnd run();
@@ -33,6 +34,7 @@ class RealTimeDriver {
   void send_waiting();
   void note_link(bool up);
   void report();
+  void log_events();
   [[nodiscard]] bool finished() const;
 
   Participant& participant_;

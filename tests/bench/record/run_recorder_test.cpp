@@ -5,8 +5,8 @@
 
 #include <catch2/catch.hpp>
 #include <cmath>
-#include <cstring>
 #include <cstdlib>
+#include <cstring>
 #include <fstream>
 #include <iterator>
 #include <limits>
@@ -151,8 +151,11 @@ TEST_CASE("Run folder: its files are the text that other tools read", "[record]"
   const std::string csv = read_file(scratch.path() / "signals.csv");
   CHECK(csv.starts_with("t_s,plant.x_m,plant.rejected_feed_count,controller.P_m\n0.000000007,0.1,0,"));
   const std::string log = read_file(scratch.path() / "bus.log");
-  CHECK(log.starts_with("# meltbench 0.1.0\n# scenario step.exact, seed 18446744073709551615\n"));
-  CHECK(log.find("\n(0000000000.010000) bench 080#\n(0000000000.010000) bench 12345678#09\n") != std::string::npos);
+  CHECK(log.find("(0000000000.010000) bench 080#\n(0000000000.010000) bench 12345678#09\n") != std::string::npos);
+  // python-can and Wireshark give up at a line that is no frame.
+  CHECK(log.front() == '(');
+  for (std::size_t end = log.find('\n'); end + 1 < log.size(); end = log.find('\n', end + 1))
+    CHECK(log[end + 1] == '(');
 }
 
 TEST_CASE("Run folder: a bench killed in the middle leaves whole lines and is read as cut short", "[record]") {

@@ -149,6 +149,26 @@ TEST_CASE("Melt observer: while coasting the front moves as (5) says", "[estimat
   CHECK(observer.front_m() == Approx(front).margin(0.01e-3));
 }
 
+// Why [K19] (51) is not built: what a distributed gain would correct from Y2 does not reach Y2.
+TEST_CASE("Melt observer: the inlet temperature says nothing about granules 10 mm downstream", "[estimator][melt]") {
+  const double b = 10e-3;
+  auto plain = make_observer(b);
+  auto bumped = make_observer(b);
+  std::vector<double> T(plain.nodes().size(), 120.0);
+  plain.start(50e-3, T);
+  for (std::size_t i = 0; i < T.size(); ++i) {
+    if (50e-3 * plain.nodes()[i] > 10e-3 && plain.nodes()[i] < 0.9) T[i] += 5.0;
+  }
+  bumped.start(50e-3, T);
+  const auto blind = make_input(b, 145.0, 50e-3, std::nullopt);
+  for (int i = 0; i < 400; ++i) {
+    plain.advance(10e-3, blind);
+    bumped.advance(10e-3, blind);
+    // e^{-γ 10 mm} = e^-243 in truth; implicit Euler's own reach upstream is larger, and still nothing.
+    REQUIRE(std::abs(plain.T_inlet_degC() - bumped.T_inlet_degC()) < 1e-9);
+  }
+}
+
 TEST_CASE("Melt observer: nonsense is refused by name and value", "[estimator][melt]") {
   CHECK_THROWS_WITH(make_observer(0.0), Catch::Matchers::Contains("grid speed 0"));
   CHECK_THROWS_WITH(make_observer(10e-3, 4), Catch::Matchers::Contains("4 cells"));

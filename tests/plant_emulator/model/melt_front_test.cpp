@@ -92,6 +92,12 @@ TEST_CASE("Melt front: the doublet response agrees with CVODE's to 0.1 mm with 1
   }
 }
 
+TEST_CASE("Melt front: an odd number of cells is as good as an even one", "[plant][melt]") {
+  const auto odd = run_doublet("paper", 10e-3, MeltDiscretisation::kThirdOrderUpwind, 101, 1e-4);
+  const auto even = run_doublet("paper", 10e-3, MeltDiscretisation::kThirdOrderUpwind, 100, 1e-4);
+  CHECK(odd.worst_m == Approx(even.worst_m).epsilon(0.1));
+}
+
 TEST_CASE("Melt front: 200 cells conserve energy to 1 % of its range", "[plant][melt]") {
   for (const char* preset : {"paper", "bench"}) {
     for (const double b : kSpeeds_m_per_s) {
