@@ -1,40 +1,20 @@
 #include "plant_emulator/emulator.hpp"
 
 #include <algorithm>
-#include <array>
-#include <optional>
 #include <utility>
 
 #include <fmt/format.h>
 
+#include "plant_emulator/bizone_plant.hpp"
 #include "plant_emulator/board/feeder.hpp"
+#include "plant_emulator/board/melt_camera.hpp"
 #include "plant_emulator/board/melt_pressure.hpp"
+#include "plant_emulator/board/preconditioner.hpp"
 #include "plant_emulator/board/screw_drive.hpp"
 
 namespace meltbench::emulator {
 
 namespace {
-
-struct PlantSignal {
-  std::string_view name;
-  SignalKind kind;
-};
-
-// In the order of read_signals().
-constexpr std::array kPlantSignals{
-    PlantSignal{"plant.x_m", SignalKind::kValue},
-    PlantSignal{"plant.U", SignalKind::kValue},
-    PlantSignal{"plant.delay_s", SignalKind::kValue},
-    PlantSignal{"plant.delay_rate", SignalKind::kValue},
-    PlantSignal{"plant.flow_kg_per_s", SignalKind::kValue},
-    PlantSignal{"plant.pressure_Pa", SignalKind::kValue},
-    PlantSignal{"plant.speed_m_per_s", SignalKind::kValue},
-    PlantSignal{"plant.conveyed_m", SignalKind::kValue},
-    PlantSignal{"plant.feed_kg_per_s", SignalKind::kValue},
-    PlantSignal{"plant.spill_m", SignalKind::kValue},
-    PlantSignal{"plant.mass_residual_m", SignalKind::kValue},
-    PlantSignal{"plant.rejected_feed_kg", SignalKind::kErrorCounter},
-};
 
 std::unique_ptr<board::Board> make_board(const BoardSettings& settings, std::uint64_t seed, board::Process& process) {
   const auto make = [&]<class Firmware>(const Firmware& firmware) -> std::unique_ptr<board::Board> {
@@ -46,56 +26,35 @@ std::unique_ptr<board::Board> make_board(const BoardSettings& settings, std::uin
       return build(std::type_identity<board::Feeder>{});
     } else if constexpr (std::is_same_v<Firmware, board::ScrewDriveSettings>) {
       return build(std::type_identity<board::ScrewDrive>{});
-    } else {
+    } else if constexpr (std::is_same_v<Firmware, board::MeltPressureSettings>) {
       return build(std::type_identity<board::MeltPressure>{});
+    } else if constexpr (std::is_same_v<Firmware, board::PreconditionerSettings>) {
+      return build(std::type_identity<board::Preconditioner>{});
+    } else {
+      return build(std::type_identity<board::MeltCamera>{});
     }
   };
   return std::visit(make, settings.firmware);
 }
 
+std::unique_ptr<Plant> make_plant(const EmulatorSettings& settings) {
+  const auto make = [](const auto& plant) -> std::unique_ptr<Plant> {
+    using Settings = std::decay_t<decltype(plant)>;
+    if constexpr (std::is_same_v<Settings, plant::BizoneParameters>) {
+      return std::make_unique<BizonePlant>(plant);
+    } else {
+      return std::make_unique<MeltPlant>(plant);
+    }
+  };
+  return std::visit(make, settings.plant);
+}
+
 }  // namespace
 
-/// The model as the boards see it. Outputs are computed at most once per instant.
-class Emulator::ExtruderProcess final : public board::Process {
- public:
-  explicit ExtruderProcess(const plant::BizoneParameters& parameters) : extruder_{parameters} {}
-
-  [[nodiscard]] double pressure_Pa() const override { return extruder_.pressure_Pa(); }
-  [[nodiscard]] double encoder_rev() const override { return extruder_.encoder_m() / extruder_.parameters().pitch_m; }
-  [[nodiscard]] double encoder_rev_per_s() const override {
-    return outputs().encoder_m_per_s / extruder_.parameters().pitch_m;
-  }
-  void set_feed_kg_per_s(double feed_kg_per_s) override {
-    extruder_.set_feed_kg_per_s(feed_kg_per_s);
-    outputs_.reset();
-  }
-  void set_screw_rev_per_s(double screw_rev_per_s) override {
-    extruder_.set_screw_rev_per_s(screw_rev_per_s);
-    outputs_.reset();
-  }
-
-  void advance_to(Instant to) {
-    if (to <= extruder_.now()) return;
-    extruder_.advance_to(to);
-    outputs_.reset();
-  }
-
-  [[nodiscard]] const plant::BizoneOutputs& outputs() const {
-    if (!outputs_) outputs_ = extruder_.outputs();
-    return *outputs_;
-  }
-  [[nodiscard]] const plant::BizoneExtruder& extruder() const { return extruder_; }
-
- private:
-  plant::BizoneExtruder extruder_;
-  mutable std::optional<plant::BizoneOutputs> outputs_;
-};
-
 Emulator::Emulator(const EmulatorSettings& settings, std::uint64_t seed)
-    : process_{std::make_unique<ExtruderProcess>(settings.plant)} {
-  for (const PlantSignal& signal : kPlantSignals) signals_.push_back({std::string{signal.name}, signal.kind});
+    : plant_{make_plant(settings)}, signals_{plant_->signals().begin(), plant_->signals().end()} {
   for (const BoardSettings& board : settings.boards) {
-    boards_.push_back(make_board(board, seed, *process_));
+    boards_.push_back(make_board(board, seed, *plant_));
     for (const std::string_view signal : boards_.back()->signal_names()) {
       signals_.push_back({fmt::format("{}.{}", board.name, signal), SignalKind::kValue});
     }
@@ -103,10 +62,6 @@ Emulator::Emulator(const EmulatorSettings& settings, std::uint64_t seed)
 }
 
 Emulator::~Emulator() = default;
-
-const plant::BizoneExtruder& Emulator::extruder() const {
-  return process_->extruder();
-}
 
 void Emulator::wake(const Wakeup& in, Outbox& out) {
   frames_.clear();
@@ -123,10 +78,12 @@ void Emulator::wake(const Wakeup& in, Outbox& out) {
   run_timers_before(in.now);
   advance(in.now);
   run_timers_before(in.now + 1ns);
+  plant_->settle(now_);
   for (const auto& board : boards_) board->settle(now_);
 
   for (const can::CanFrame& frame : frames_) out.send(frame);
-  report_plant(out);
+  report_boards(out);
+  plant_->report(now_, out);
   out.wake_at(std::max(next_deadline(), in.now));
 }
 
@@ -173,7 +130,7 @@ void Emulator::advance(Instant to) {
         next = touch;
       }
     }
-    process_->advance_to(next);
+    plant_->advance_to(next);
     if (first == nullptr) break;
     first->touch(next);
   }
@@ -203,28 +160,19 @@ Instant Emulator::next_deadline() const {
   return next;
 }
 
-void Emulator::report_plant(Outbox& out) {
+void Emulator::report_boards(Outbox& out) {
   for (const auto& board : boards_) {
     if (!board->has_events()) continue;
     for (Event& event : board->take_events()) {
       out.report(event.severity, event.at, std::move(event.code), std::move(event.text));
     }
   }
-  const bool flooded = process_->extruder().x_m() >= process_->extruder().parameters().length_m;
-  if (flooded && !was_flooded_) {
-    out.report(Severity::kWarning, now_, "screw-flooded", "the filled zone has reached the feed throat");
-  }
-  was_flooded_ = flooded;
 }
 
 void Emulator::read_signals(std::span<double> values) const {
-  const plant::BizoneOutputs& p = process_->outputs();
-  const std::array plant_values{p.x_m,           p.U,           p.delay_s,         p.delay_rate,
-                                p.flow_kg_per_s, p.pressure_Pa, p.speed_m_per_s,   p.conveyed_m,
-                                p.feed_kg_per_s, p.spill_m,     p.mass_residual_m, p.rejected_feed_kg};
-  static_assert(plant_values.size() == kPlantSignals.size());
-  std::copy(plant_values.begin(), plant_values.end(), values.begin());
-  values = values.subspan(plant_values.size());
+  const std::size_t of_plant = plant_->signals().size();
+  plant_->read_signals(values.first(of_plant));
+  values = values.subspan(of_plant);
   for (const auto& board : boards_) {
     const std::size_t count = board->signal_names().size();
     board->read_signals(values.first(count));

@@ -12,7 +12,8 @@
 
 #include "plant_emulator/board/board.hpp"
 #include "plant_emulator/board/settings.hpp"
-#include "plant_emulator/model/bizone_extruder.hpp"
+#include "plant_emulator/plant.hpp"
+#include "plant_emulator/plant_settings.hpp"
 #include "protocols/canopen/object_dictionary.hpp"
 #include "protocols/config/rig.hpp"
 #include "protocols/participant/participant.hpp"
@@ -24,31 +25,18 @@ struct BoardSettings {
   std::string name;
   std::uint8_t node_id = 0;
   std::shared_ptr<const canopen::ObjectDictionary> dictionary;  ///< Of its EDS, for this node id.
-  std::variant<board::FeederSettings, board::ScrewDriveSettings, board::MeltPressureSettings> firmware;
+  std::variant<board::FeederSettings, board::ScrewDriveSettings, board::MeltPressureSettings,
+               board::PreconditionerSettings, board::MeltCameraSettings>
+      firmware;
 };
 
 struct EmulatorSettings {
-  plant::BizoneParameters plant;
+  PlantSettings plant;
   std::vector<BoardSettings> boards;  ///< At most one of each kind.
 };
 
-/// Reads [plant] and the emulator's part of every [board.NAME]; the EDS files are read too.
-///
-/// [plant], key, range, (default), what:
-/// - preset            paper | slow | phys | rad (slow)   how the published speed is read, see MODEL.md
-/// - fluctuation_case  none | A | B (A)                   the two published fluctuations of the conveying speed
-/// - fluctuation_on    screw | slip (screw)               whether the encoder on the screw sees it
-/// - delay_model       transport | paper (the preset's)   true travel time, or the delay as printed
-/// - x0_m              0..length (0.1)                    filled length at the start
-/// - nominal_x_m       > 0, < length (0.16)               filled length that the feeder's loss-of-master flow leads to
-/// - U_before_start    0..0.999 (v(x0))                   filling ratio of what is under way at the start
-/// - epsilon           >= 0, < 1 (the case's)             share of the speed that fluctuates
-/// - omega_rad_per_s   >= 0 (the case's)                  how fast
-/// - phase_rad         any (0)                            phase of the fluctuation at the start
-/// - speed_m_per_s     > 0 (the preset's)                 nominal conveying speed
-/// - length_m, pitch_m, density_kg_per_m3, pressure_flow_m4, nozzle_kg, area_m2, viscosity_Pa_s
-///                     > 0 (model/bizone_parameters.hpp)  geometry and melt
-/// The keys of the boards are listed in board/settings.hpp.
+/// Reads [plant] (plant_settings.hpp) and the emulator's part of every [board.NAME] (board/settings.hpp); the EDS files
+/// are read too.
 ///
 /// @throws config::ConfigError: a value out of range, an EDS that cannot be read or is not one of such a board, two
 /// boards of one kind.
@@ -71,15 +59,12 @@ class Emulator final : public Participant {
   [[nodiscard]] std::string_view name() const override { return "plant"; }
   void wake(const Wakeup& in, Outbox& out) override;
 
-  /// plant.*: the model's own truth, which no board shows. NAME.*: what the firmware of board NAME knows.
+  /// plant.*, melt.*, barrel.*: the model's own truth, which no board shows. NAME.*: what the firmware of board NAME
+  /// knows.
   [[nodiscard]] std::span<const SignalInfo> signals() const override { return signals_; }
   void read_signals(std::span<double> values) const override;
 
-  [[nodiscard]] const plant::BizoneExtruder& extruder() const;
-
  private:
-  class ExtruderProcess;
-
   void start();
   void deliver(const can::CanFrame& frame);
   void run_timers_before(Instant limit);
@@ -87,13 +72,12 @@ class Emulator final : public Participant {
   void mark_sender(std::size_t board);
   void tell_others();
   [[nodiscard]] Instant next_deadline() const;
-  void report_plant(Outbox& out);
+  void report_boards(Outbox& out);
 
-  std::unique_ptr<ExtruderProcess> process_;
+  std::unique_ptr<Plant> plant_;
   std::vector<std::unique_ptr<board::Board>> boards_;
   std::vector<SignalInfo> signals_;
   bool started_ = false;
-  bool was_flooded_ = false;
   Instant now_{};
   canopen::Frames frames_;            // Sent in this wake-up,
   std::vector<std::size_t> senders_;  // by this board,

@@ -7,10 +7,12 @@ namespace meltbench::board {
 namespace {
 
 constexpr double kPaPerBar = 1e5;
+constexpr double kTemperatureStep_K = 0.1;
+constexpr float kMinMelt_degC = 0.0F, kMaxMelt_degC = 400.0F;
 constexpr canopen::ObjectAddress kAutozero{0x6125, 1};
 constexpr canopen::ObjectAddress kOffset{0x6124, 1};
 constexpr std::uint32_t kZeroSignature = 0x6F72657A;  // "zero"
-constexpr std::array<std::string_view, 3> kSignals{"reading_Pa", "sample_age_s", "status"};
+constexpr std::array<std::string_view, 4> kSignals{"reading_Pa", "sample_age_s", "status", "melt_degC"};
 
 std::uint32_t to_us(Nanos span) {
   return static_cast<std::uint32_t>(span / 1us);
@@ -19,11 +21,13 @@ std::uint32_t to_us(Nanos span) {
 canopen::ObjectDictionary configure(const canopen::ObjectDictionary& eds, const MeltPressureSettings& settings) {
   const bool filtered = settings.filter_samples > 1;
   return with_defaults(
-      eds, {make_default(0x2002, 0, to_us(settings.latency)), make_default(0x6114, 1, to_us(settings.sample_time)),
-            make_default(0x6148, 1, static_cast<float>(settings.span_start_bar)),
-            make_default(0x6149, 1, static_cast<float>(settings.span_end_bar)),
-            make_default(0x61A0, 1, static_cast<std::uint8_t>(filtered ? 1 : 0)),
-            make_default(0x61A1, 1, static_cast<std::uint8_t>(settings.filter_samples))});
+      eds,
+      {make_default(0x2002, 0, to_us(settings.latency)), make_default(0x6114, 1, to_us(settings.sample_time)),
+       make_default(0x6114, 2, to_us(settings.sample_time)), make_default(0x6148, 2, kMinMelt_degC),
+       make_default(0x6149, 2, kMaxMelt_degC), make_default(0x6148, 1, static_cast<float>(settings.span_start_bar)),
+       make_default(0x6149, 1, static_cast<float>(settings.span_end_bar)),
+       make_default(0x61A0, 1, static_cast<std::uint8_t>(filtered ? 1 : 0)),
+       make_default(0x61A1, 1, static_cast<std::uint8_t>(settings.filter_samples))});
 }
 
 }  // namespace
@@ -44,6 +48,10 @@ MeltPressure::MeltPressure(std::string name, const canopen::ObjectDictionary& di
   filter_type_ = od.bind<std::uint8_t>(0x61A0, 1);
   filter_constant_ = od.bind<std::uint8_t>(0x61A1, 1);
   count_Pa_ = od.bind<std::int32_t>(0x9130, 1);
+  field_degC_ = od.bind<float>(0x6100, 2);
+  pv_degC_ = od.bind<float>(0x6130, 2);
+  melt_status_ = od.bind<std::uint8_t>(0x6150, 2);
+  count_0p1degC_ = od.bind<std::int32_t>(0x9130, 2);
 }
 
 std::size_t MeltPressure::filter_length() const {
@@ -65,7 +73,7 @@ void MeltPressure::touch(Instant at) {
   if (settings_.noise_Pa > 0) pressure_Pa += settings_.noise_Pa * calc_noise(noise_seed_, clock_.number_of(at));
   pressure_Pa = filter(pressure_Pa);
   make_available(at);
-  pending_.push_back({at, pressure_Pa});
+  pending_.push_back({at, pressure_Pa, process().T_melt_degC()});
 }
 
 /// Moving average over the newest samples, over what there is while there are fewer.
@@ -96,6 +104,11 @@ double MeltPressure::reading_Pa() const {
   return std::round(quantise(in_span, settings_.resolution_Pa));
 }
 
+/// 0 where there is no melt.
+double MeltPressure::melt_reading_degC() const {
+  return std::isnan(newest_.melt_degC) ? 0.0 : quantise(newest_.melt_degC, kTemperatureStep_K);
+}
+
 std::uint8_t MeltPressure::status() const {
   const double with_offset_bar = newest_.pressure_Pa / kPaPerBar + static_cast<double>(offset_bar_.get());
   if (with_offset_bar > settings_.span_end_bar) return kNotValid | kPositiveOverload;
@@ -111,6 +124,11 @@ void MeltPressure::refresh(Instant now) {
   field_bar_.set(static_cast<float>(newest_.pressure_Pa / kPaPerBar));
   status_.set(status());
   age_us_.set(to_age(now - newest_.taken_at, 1us));
+  const double melt_degC = melt_reading_degC();
+  count_0p1degC_.set(static_cast<std::int32_t>(std::lround(melt_degC * 10)));
+  field_degC_.set(static_cast<float>(melt_degC));
+  pv_degC_.set(static_cast<float>(melt_degC));
+  melt_status_.set(std::isnan(newest_.melt_degC) ? kNotValid : 0);
 }
 
 canopen::AbortCode MeltPressure::on_write(Instant /*now*/, const canopen::OdEntry& entry,
@@ -137,7 +155,7 @@ void MeltPressure::on_reset(Instant now, canopen::ResetKind kind) {
   if (kind == canopen::ResetKind::kCommunication) return;
   while (!pending_.empty()) pending_.pop_front();
   recent_count_ = 0;
-  newest_ = {now, process().pressure_Pa()};
+  newest_ = {now, process().pressure_Pa(), process().T_melt_degC()};
   sampled_at_ = now;
 }
 
@@ -154,6 +172,7 @@ void MeltPressure::read_signals(std::span<double> values) const {
   values[0] = reading_Pa();
   values[1] = settled_age_s_;
   values[2] = status();
+  values[3] = melt_reading_degC();
 }
 
 }  // namespace meltbench::board

@@ -14,22 +14,20 @@
 
 namespace meltbench::board {
 
-/// Bits of object 6150:1. The objects that a controller needs (fixtures/boards/melt_pressure.eds has all):
+/// Melt pressure transmitter at the nozzle. Objects that a controller needs (fixtures/boards/melt_pressure.eds has
+/// all):
 /// - 9130:1  I32     TPDO 1  pressure in bar with 5 digits (6131, 6132): one count is 1 Pa
-/// - 6150:1  U8      TPDO 1  these bits
+/// - 6150:1  U8      TPDO 1  InputStatus
 /// - 2001    U16     TPDO 1  age of the sample at the instant of the SYNC [us]; 0xFFFF: 65.535 ms or older
 /// - 6130:1  REAL32  TPDO 2  the same pressure [bar]; TPDO 2 is off until a master enables it
+/// - 9130:2  I32     TPDO 3  melt temperature in degC with 1 digit; TPDO 3 is off until a master enables it
+/// - 6150:2  U8      TPDO 3  InputStatus of it; kNotValid where the plant has no melt temperature
 /// - 6114:1  U32     ro      sample period [us]
 /// - 2002    U32     ro      latency [us] from the instant of a sample to when it can be read
 /// - 6125:1  U32     wo      0x6F72657A "zero": the pressure of now becomes 0; offset in 6124:1 [bar]
 ///
 /// TPDO 1 is synchronous (type 1) and carries the newest sample available at SYNC: it was taken at t_SYNC - age.
-enum PressureStatus : std::uint8_t {
-  kNotValid = 0x01,          ///< Out of span.
-  kPositiveOverload = 0x02,  ///< Above 6149; the value is cut to it.
-  kNegativeOverload = 0x04,  ///< Below 6148; the value is cut to it.
-};
-
+///
 /// The transmitter's firmware: sample, filter, quantise, make available one latency later.
 ///
 /// Without filter only samples that can still be read are taken: skipping the others changes nothing that can be seen,
@@ -62,12 +60,14 @@ class MeltPressure final : public Board {
   struct Sample {
     Instant taken_at;
     double pressure_Pa = 0;  // After the filter.
+    double melt_degC = Process::kNothing;
   };
 
   [[nodiscard]] std::size_t filter_length() const;
   [[nodiscard]] double filter(double pressure_Pa);
   void make_available(Instant now);
   [[nodiscard]] double reading_Pa() const;
+  [[nodiscard]] double melt_reading_degC() const;
   [[nodiscard]] std::uint8_t status() const;
 
   MeltPressureSettings settings_;
@@ -75,9 +75,10 @@ class MeltPressure final : public Board {
   std::uint64_t noise_seed_;
 
   canopen::OdValue<std::int32_t> count_Pa_;
-  canopen::OdValue<std::uint8_t> status_, filter_type_, filter_constant_;
+  canopen::OdValue<std::int32_t> count_0p1degC_;
+  canopen::OdValue<std::uint8_t> status_, melt_status_, filter_type_, filter_constant_;
   canopen::OdValue<std::uint16_t> age_us_;
-  canopen::OdValue<float> field_bar_, pv_bar_, offset_bar_;
+  canopen::OdValue<float> field_bar_, pv_bar_, offset_bar_, field_degC_, pv_degC_;
 
   Instant sampled_at_ = SampleClock::kNone;
   plant::Ring<Sample> pending_;  // Taken, not yet available.

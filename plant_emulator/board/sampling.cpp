@@ -45,6 +45,10 @@ double calc_noise(std::uint64_t seed, std::int64_t sample_number) {
   return sum;  // Variance of one uniform number is 1/12, so that of the sum is 1.
 }
 
+double draw_at(std::uint64_t seed, std::int64_t number) {
+  return to_unit(mix(seed ^ mix(static_cast<std::uint64_t>(number))));
+}
+
 Instant SampleClock::first_from(Instant at) const {
   if (period_ == 0ns) return at;
   const Nanos since = at.since_start - phase_;

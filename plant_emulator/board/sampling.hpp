@@ -33,6 +33,9 @@ class Chance {
 /// not be computed, and does not shift the others. Sum of 12 uniform numbers: normal to 3 sigma, never beyond 6.
 [[nodiscard]] double calc_noise(std::uint64_t seed, std::int64_t sample_number);
 
+/// In [0, 1), a function of the number alone as well.
+[[nodiscard]] double draw_at(std::uint64_t seed, std::int64_t number);
+
 /// The instants phase + k * period, k = 0, 1, ...; with period 0 every instant.
 class SampleClock {
  public:

@@ -65,4 +65,33 @@ MeltPressureSettings read_melt_pressure_settings(const config::Section& section)
   return settings;
 }
 
+PreconditionerSettings read_preconditioner_settings(const config::Section& section, const PlantRates& plant) {
+  PreconditionerSettings settings;
+  settings.sample_time = read_firmware_time(section, "sample_time_ms", 5, 0.01, 1000);
+  settings.latency = read_firmware_time(section, "latency_ms", 1, 0, 1000);
+  settings.resolution_K = section.number_or("resolution_K", 0.1, at_least(0));
+  settings.noise_K = section.number_or("noise_K", 0, at_least(0));
+  settings.bias_K = section.number_or("bias_K", 0, between(-100, 100));
+  settings.min_flux_W_per_m2 = section.number_or("min_flux_W_per_m2", -5000, between(-1e9, 0, "it cools"));
+  settings.max_flux_W_per_m2 = section.number_or("max_flux_W_per_m2", 5000, between(0, 1e9, "it heats"));
+  settings.start_flux_W_per_m2 = section.number_or("start_flux_W_per_m2", plant.start_flux_W_per_m2,
+                                                   between(settings.min_flux_W_per_m2, settings.max_flux_W_per_m2));
+  settings.watchdog_ms = static_cast<std::uint16_t>(
+      section.integer_or("watchdog_ms", 50, between(0, 65535, "a few SYNC periods; 0 = no watchdog")));
+  return settings;
+}
+
+MeltCameraSettings read_melt_camera_settings(const config::Section& section) {
+  MeltCameraSettings settings;
+  settings.sample_time = read_firmware_time(section, "sample_time_ms", 20, 0.1, 10'000);
+  settings.latency = read_firmware_time(section, "latency_ms", 10, 0, 1000);
+  settings.front_resolution_m = section.number_or("front_resolution_m", 1e-5, at_least(0));
+  settings.front_noise_m = section.number_or("front_noise_m", 0, at_least(0));
+  settings.resolution_K = section.number_or("resolution_K", 0.1, at_least(0));
+  settings.noise_K = section.number_or("noise_K", 0, at_least(0));
+  settings.drop_out_probability = section.number_or("drop_out_probability", 0, between(0, 1));
+  settings.drop_out_images = static_cast<int>(section.integer_or("drop_out_images", 1, between(1, 1000)));
+  return settings;
+}
+
 }  // namespace meltbench::board

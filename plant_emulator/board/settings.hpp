@@ -5,6 +5,7 @@
 /// know of the bus: its phase is drawn from the run's seed (sampling.hpp), so that no control law can lean on a lucky
 /// phase.
 
+#include <cstddef>
 #include <cstdint>
 
 #include "protocols/config/section.hpp"
@@ -18,6 +19,9 @@ struct PlantRates {
   double hold_flow_kg_per_h = 0;    ///< Open-loop rate v(x*): leads to the nominal filled length and stays there.
   double throat_flow_kg_per_h = 0;  ///< More does not fit into the screw at nominal speed (U = 1).
   double screw_rev_per_s = 0;       ///< Nominal screw speed.
+  double start_flux_W_per_m2 = 0;   ///< At the inlet: keeps the melting front where the run starts.
+  std::size_t barrel_zones = 0;     ///< Heated zones of the barrel, 0..4. With any there is a heated nozzle as well.
+  double T_zone_degC = 0;           ///< What they are at in production.
 };
 
 /// [board.NAME] with kind = "feeder". Key, range, (default), what:
@@ -82,10 +86,55 @@ struct MeltPressureSettings {
   double span_end_bar = 50;
 };
 
+/// [board.NAME] with kind = "preconditioner". Key, range, (default), what:
+/// - sample_time_ms        0.01..1000 (5)       control cycle: takes over set points, samples the temperature
+/// - latency_ms            0..1000 (1)          from the instant of the sample to when it can be read
+/// - resolution_K          >= 0 (0.1)           the temperature is a multiple of it; 0 = as fine as REAL32
+/// - noise_K               >= 0 (0)             standard deviation of the sensor's noise
+/// - bias_K                any (0)              error of the sensor, of the reading and in the inner loop
+/// - min_flux_W_per_m2     <= 0 (-5000)         the flux is cut to it; object 2004
+/// - max_flux_W_per_m2     >= 0 (5000)          the same; object 2005
+/// - start_flux_W_per_m2   min..max (the plant's) from power-up to the first order: plant in balance, if it starts so
+/// - watchdog_ms           0..65535 (50)        no set point for so long = loss of master, 0 = off; object 2006
+struct PreconditionerSettings {
+  Nanos sample_time = 5ms;
+  Nanos latency = 1ms;
+  double resolution_K = 0.1;
+  double noise_K = 0;
+  double bias_K = 0;
+  double min_flux_W_per_m2 = -5000;
+  double max_flux_W_per_m2 = 5000;
+  double start_flux_W_per_m2 = 0;
+  std::uint16_t watchdog_ms = 50;
+};
+
+/// [board.NAME] with kind = "melt_camera". Key, range, (default), what:
+/// - sample_time_ms        0.1..10000 (20)      from image to image
+/// - latency_ms            0..1000 (10)         from the exposure to when the result can be read
+/// - front_resolution_m    >= 0 (1e-5)          the front is a multiple of it; the wire carries whole micrometres
+/// - front_noise_m         >= 0 (0)             standard deviation of the front's noise
+/// - resolution_K          >= 0 (0.1)           the temperature is a multiple of it; the wire carries millikelvins
+/// - noise_K               >= 0 (0)             standard deviation of the temperature's noise
+/// - drop_out_probability  0..1 (0)             how likely a drop-out begins with an image
+/// - drop_out_images       1..1000 (1)          images lost in a drop-out
+struct MeltCameraSettings {
+  Nanos sample_time = 20ms;
+  Nanos latency = 10ms;
+  double front_resolution_m = 1e-5;
+  double front_noise_m = 0;
+  double resolution_K = 0.1;
+  double noise_K = 0;
+  double drop_out_probability = 0;
+  int drop_out_images = 1;
+};
+
 /// Read the board's own keys; the section's finish() is the caller's.
 /// @throws config::ConfigError for a value out of range, or a time that is not a whole number of microseconds.
 [[nodiscard]] FeederSettings read_feeder_settings(const config::Section& section, const PlantRates& plant);
 [[nodiscard]] ScrewDriveSettings read_screw_drive_settings(const config::Section& section, const PlantRates& plant);
 [[nodiscard]] MeltPressureSettings read_melt_pressure_settings(const config::Section& section);
+[[nodiscard]] PreconditionerSettings read_preconditioner_settings(const config::Section& section,
+                                                                  const PlantRates& plant);
+[[nodiscard]] MeltCameraSettings read_melt_camera_settings(const config::Section& section);
 
 }  // namespace meltbench::board

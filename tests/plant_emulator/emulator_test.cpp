@@ -7,6 +7,7 @@
 #include <new>
 #include <string>
 
+#include "plant_emulator/model/bizone_extruder.hpp"
 #include "protocols/canopen/manager.hpp"
 #include "protocols/canopen/types.hpp"
 #include "protocols/config/toml.hpp"
@@ -76,7 +77,10 @@ std::string complaint(const std::string& text) {
 /// A driver in virtual time and a master that knows nothing of our code: raw frames only.
 class Wire {
  public:
-  explicit Wire(const std::string& rig = make_rig(""), std::uint64_t seed = 1) : emulator{read(rig), seed} { wake({}); }
+  explicit Wire(const std::string& rig = make_rig(""), std::uint64_t seed = 1)
+      : settings{read(rig)}, emulator{settings, seed} {
+    wake({});
+  }
 
   void run_to(Instant to) {
     while (out_.deadline() <= to) {
@@ -114,7 +118,11 @@ class Wire {
     throw std::out_of_range(std::string{name});
   }
   [[nodiscard]] Instant deadline() const { return out_.deadline(); }
+  [[nodiscard]] const plant::BizoneParameters& bizone() const {
+    return std::get<plant::BizoneParameters>(settings.plant);
+  }
 
+  emulator::EmulatorSettings settings;
   Emulator emulator;
   Instant now{};
   std::vector<can::StampedFrame> sent;
@@ -197,7 +205,7 @@ TEST_CASE("Emulator: the plant gets each flow at the instant that the feeder rep
           "[emulator]") {
   Wire wire{make_rig("preset = 'slow'\nfluctuation_case = 'A'", "watchdog_ms = 0")};
   wire.send(0x000, {0x01, 0x00});
-  plant::BizoneExtruder twin{wire.emulator.extruder().parameters()};
+  plant::BizoneExtruder twin{wire.bizone()};
   float flow = static_cast<float>(twin.parameters().holding_feed_kg_per_s(0.1) * 3600);
   twin.set_feed_kg_per_s(static_cast<double>(flow) / 3600);
   for (int k = 1; k <= 2000; ++k) {
@@ -220,7 +228,7 @@ TEST_CASE("Emulator: the plant gets each flow at the instant that the feeder rep
 TEST_CASE("Emulator: the pressure report is the plant's pressure at SYNC minus its age", "[emulator]") {
   Wire wire{make_rig("preset = 'phys'\nfluctuation_case = 'B'")};  // The pressure swings by 40 % at 0.8 rad/s.
   wire.send(0x000, {0x01, 0x00});
-  plant::BizoneExtruder twin{wire.emulator.extruder().parameters()};
+  plant::BizoneExtruder twin{wire.bizone()};
   for (int k = 1; k <= 500; ++k) {
     wire.run_to(Instant{k * 10ms});
     wire.sync();
@@ -269,7 +277,7 @@ TEST_CASE("Emulator: a killed master is survived at the open-loop rate, and ever
   wire.send(0x77F, {0x05});
   wire.send_set_point(8.0F);
   wire.run_to(Instant{3s});
-  const double hold_kg_per_h = wire.emulator.extruder().parameters().holding_feed_kg_per_s(0.16) * 3600;
+  const double hold_kg_per_h = wire.bizone().holding_feed_kg_per_s(0.16) * 3600;
   CHECK(wire.signal("feeder.flow_kg_per_h") == Approx(hold_kg_per_h).epsilon(1e-6));
   CHECK(wire.signal("feeder.master_lost") == 1.0);
   CHECK(wire.last(0x080 + kFeeder));
@@ -371,14 +379,15 @@ TEST_CASE("Emulator settings: an EDS of another kind of board is refused, and so
 TEST_CASE("Emulator settings: presets and overrides reach the plant", "[emulator][settings]") {
   const auto settings = read(
       make_rig("preset = 'paper'\nfluctuation_case = 'B'\nx0_m = 0.12\nviscosity_Pa_s = 500\nfluctuation_on = 'slip'"));
-  CHECK(settings.plant.speed_m_per_s == 0.9);
-  CHECK(settings.plant.fluctuation == 0.4);
-  CHECK(settings.plant.fluctuation_rad_per_s == Approx(0.8));
-  CHECK(settings.plant.delay_reading == plant::DelayReading::kPaper);
-  CHECK(settings.plant.fluctuation_place == plant::FluctuationPlace::kSlip);
-  CHECK(settings.plant.x0_m == 0.12);
-  CHECK(settings.plant.viscosity_Pa_s == 500.0);
+  const auto& bizone = std::get<plant::BizoneParameters>(settings.plant);
+  CHECK(bizone.speed_m_per_s == 0.9);
+  CHECK(bizone.fluctuation == 0.4);
+  CHECK(bizone.fluctuation_rad_per_s == Approx(0.8));
+  CHECK(bizone.delay_reading == plant::DelayReading::kPaper);
+  CHECK(bizone.fluctuation_place == plant::FluctuationPlace::kSlip);
+  CHECK(bizone.x0_m == 0.12);
+  CHECK(bizone.viscosity_Pa_s == 500.0);
   const auto& feeder = std::get<board::FeederSettings>(settings.boards.front().firmware);
-  CHECK(feeder.start_flow_kg_per_h == Approx(settings.plant.holding_feed_kg_per_s(0.12) * 3600));
-  CHECK(feeder.loss_of_master_kg_per_h == Approx(settings.plant.holding_feed_kg_per_s(0.16) * 3600));
+  CHECK(feeder.start_flow_kg_per_h == Approx(bizone.holding_feed_kg_per_s(0.12) * 3600));
+  CHECK(feeder.loss_of_master_kg_per_h == Approx(bizone.holding_feed_kg_per_s(0.16) * 3600));
 }

@@ -34,6 +34,11 @@ class FakeProcess final : public Process {
   std::function<double(double t_s)> pressure_at = [](double) { return 0.0; };
   std::vector<std::pair<Instant, double>> feeds_kg_per_s;
   std::vector<std::pair<Instant, double>> speeds_rev_per_s;
+  std::function<double(double t_s)> front_at = [](double) { return kNothing; };
+  std::function<double(double t_s)> T_inlet_at = [](double) { return kNothing; };
+  std::function<double(double t_s)> T_melt_at = [](double) { return kNothing; };
+  std::vector<std::pair<Instant, plant::MeltInlet>> inlets;
+  plant::InletFlux flux;  // Its total is kept by advance_to().
   double turns_rev = 0;
   double speed_rev_per_s = 0;
 
@@ -45,7 +50,16 @@ class FakeProcess final : public Process {
     speed_rev_per_s = speed;
     speeds_rev_per_s.emplace_back(now_, speed);
   }
+  [[nodiscard]] double front_m() override { return front_at(to_s(now_)); }
+  [[nodiscard]] double T_inlet_degC() override { return T_inlet_at(to_s(now_)); }
+  [[nodiscard]] double T_melt_degC() override { return T_melt_at(to_s(now_)); }
+  void set_inlet(const plant::MeltInlet& inlet) override {
+    inlets.emplace_back(now_, inlet);
+    flux.now_W_per_m2 = inlet.wanted_W_per_m2(T_inlet_degC());
+  }
+  [[nodiscard]] plant::InletFlux inlet_flux() const override { return flux; }
   void advance_to(Instant to) {
+    flux.total_J_per_m2 += flux.now_W_per_m2 * to_s(to - now_);
     turns_rev += speed_rev_per_s * to_s(to - now_);
     now_ = to;
   }

@@ -161,3 +161,21 @@ TEST_CASE("Melt pressure: needs no wake-up of its own", "[board][melt_pressure]"
   PressureBench bench;
   CHECK(bench.board.next_deadline() == Instant::never());
 }
+
+TEST_CASE("Melt pressure: the melt temperature goes with it once TPDO 3 is switched on", "[board][melt_pressure]") {
+  PressureBench bench;
+  bench.process.T_melt_at = [](double) { return 143.26; };
+  bench.run_to(Instant{100ms});
+  bench.sync();
+  CHECK_FALSE(bench.last(0x380 + kNode));
+  CHECK(bench.write(0x1802, 1, std::uint32_t{0x40000380U + kNode}) == 0);
+  bench.run_to(Instant{110ms});
+  bench.sync();
+  const can::CanFrame frame = bench.last(0x380 + kNode).value();
+  CHECK(field<std::int32_t>(frame, 0) == 1433);
+  CHECK(frame.bytes[4] == 0);
+  bench.process.T_melt_at = [](double) { return board::Process::kNothing; };
+  bench.run_to(Instant{120ms});
+  bench.sync();
+  CHECK(bench.last(0x380 + kNode).value().bytes[4] == board::kNotValid);
+}
