@@ -1,5 +1,9 @@
 #include "controller/machine/boot_plan.hpp"
 
+#include <fmt/format.h>
+
+#include <algorithm>
+
 #include "controller/machine/objects.hpp"
 
 namespace meltbench::machine {
@@ -54,15 +58,9 @@ void append_pdo(BootPlan& plan, std::uint8_t node_id, canopen::PdoDirection dire
   pdo.append_steps(plan.steps);
 }
 
-}  // namespace
-
-SdoStep make_loss_of_master_step(double flow_kg_per_h) {
-  return write(feeder_object::kLossOfMasterFlow, static_cast<float>(flow_kg_per_h), "flow on loss of master");
-}
-
 BootPlan make_feeder_plan(const ControllerSettings& settings, double safe_flow_kg_per_h) {
   using namespace feeder_object;
-  const BoardSettings& board = settings.feeder;
+  const BoardSettings& board = settings.board(config::BoardKind::kFeeder);
   BootPlan plan = make_common_plan(settings, board);
   append_pdo(plan, board.node_id, canopen::PdoDirection::kReceive, kSetPointRpdo, canopen::kEventProfile,
              {{kSetPoint, 32}});
@@ -80,31 +78,145 @@ BootPlan make_feeder_plan(const ControllerSettings& settings, double safe_flow_k
 BootPlan make_screw_drive_plan(const ControllerSettings& settings) {
   using namespace drive_object;
   constexpr std::int16_t kNoAction = 0, kQuickStopOption = 3;
-  const BoardSettings& board = settings.screw_drive;
+  const BoardSettings& board = settings.board(config::BoardKind::kScrewDrive);
   BootPlan plan = make_common_plan(settings, board);
   append_pdo(plan, board.node_id, canopen::PdoDirection::kReceive, kControlwordRpdo, canopen::kEventProfile,
              {{kControlword, 16}});
+  if (moves_screw(settings)) {
+    append_pdo(plan, board.node_id, canopen::PdoDirection::kReceive, kVelocityRpdo, canopen::kEventProfile,
+               {{kControlword, 16}, {kTargetVelocity, 32}});
+  }
   append_pdo(plan, board.node_id, canopen::PdoDirection::kTransmit, kMotionTpdo, kEverySync,
              {{kPosition, 32}, {kVelocity, 32}});
   const std::int16_t on_loss = settings.safe_screw == SafeScrew::kStop ? kQuickStopOption : kNoAction;
   plan.steps.push_back(write(kAbortConnectionOption, on_loss, "reaction to loss of master"));
   plan.steps.push_back(read<std::uint32_t>(kEncoderIncrements, "encoder increments"));
   plan.steps.push_back(read<std::uint32_t>(kEncoderRevolutions, "encoder revolutions"));
-  plan.screw_rev_per_s = settings.model.speed_m_per_s / settings.pitch_m;
+  plan.screw_rev_per_s = settings.sequence ? 0.0 : settings.run_speed_rev_per_s();
   return plan;
 }
 
 BootPlan make_melt_pressure_plan(const ControllerSettings& settings) {
   using namespace pressure_object;
-  const BoardSettings& board = settings.melt_pressure;
+  const BoardSettings& board = settings.board(config::BoardKind::kMeltPressure);
   BootPlan plan = make_common_plan(settings, board);
   append_pdo(plan, board.node_id, canopen::PdoDirection::kTransmit, kSampleTpdo, kEverySync,
              {{kPressure, 32}, {kStatus, 8}, {kAge, 16}});
+  if (settings.viscosity_per_K > 0.0) {
+    append_pdo(plan, board.node_id, canopen::PdoDirection::kTransmit, kMeltTpdo, kEverySync,
+               {{kMeltTemperature, 32}, {kMeltStatus, 8}});
+  }
   plan.steps.push_back(canopen::expect_step(kUnit.index, kUnit.sub, kUnitBar, "unit: bar"));
   plan.steps.push_back(read<std::uint8_t>(kDigits, "decimal digits"));
   plan.steps.push_back(read<std::uint32_t>(kSamplePeriod, "sample period"));
   plan.steps.push_back(read<std::uint32_t>(kLatency, "latency"));
   return plan;
+}
+
+BootPlan make_melt_camera_plan(const ControllerSettings& settings) {
+  using namespace camera_object;
+  const BoardSettings& board = settings.board(config::BoardKind::kMeltCamera);
+  BootPlan plan = make_common_plan(settings, board);
+  append_pdo(plan, board.node_id, canopen::PdoDirection::kTransmit, kFrontTpdo, kEverySync,
+             {{kFront, 32}, {kStatus, 8}, {kAge, 16}, {kImage, 8}});
+  plan.steps.push_back(canopen::expect_step(kUnit.index, kUnit.sub, kUnitMetre, "unit: metre"));
+  plan.steps.push_back(read<std::uint8_t>(kDigits, "decimal digits"));
+  plan.steps.push_back(read<std::uint32_t>(kSamplePeriod, "image period"));
+  plan.steps.push_back(read<std::uint32_t>(kLatency, "latency"));
+  return plan;
+}
+
+BootPlan make_preconditioner_plan(const ControllerSettings& settings) {
+  using namespace preconditioner_object;
+  const BoardSettings& board = settings.board(config::BoardKind::kPreconditioner);
+  BootPlan plan = make_common_plan(settings, board);
+  append_pdo(plan, board.node_id, canopen::PdoDirection::kReceive, kSetPointRpdo, canopen::kEventProfile,
+             {{kSetPoint, 32}, {kFeedforward, 32}});
+  append_pdo(plan, board.node_id, canopen::PdoDirection::kReceive, kModeRpdo, canopen::kEventProfile,
+             {{kGain, 32}, {kMode, 8}});
+  append_pdo(plan, board.node_id, canopen::PdoDirection::kTransmit, kTemperatureTpdo, kEverySync,
+             {{kTemperature, 32}, {kAge, 16}, {kStatus, 8}, {kState, 8}});
+  append_pdo(plan, board.node_id, canopen::PdoDirection::kTransmit, kFluxTpdo, kEverySync,
+             {{kMeanFlux, 32}, {kFlux, 32}});
+  plan.steps.push_back(read<std::uint32_t>(kSamplePeriod, "sample period"));
+  plan.steps.push_back(read<std::uint32_t>(kLatency, "latency"));
+  return plan;
+}
+
+BootPlan make_heater_plan(const ControllerSettings& settings) {
+  using namespace heater_object;
+  const BoardSettings& board = settings.board(config::BoardKind::kHeater);
+  const auto channel = [](std::uint16_t index, unsigned number) {
+    return ObjectAddress{index, static_cast<std::uint8_t>(number)};
+  };
+  BootPlan plan = make_common_plan(settings, board);
+  append_pdo(plan, board.node_id, canopen::PdoDirection::kReceive, kBarrelRpdo, canopen::kEventProfile,
+             {{channel(kSetPoint, 1), 16},
+              {channel(kSetPoint, 2), 16},
+              {channel(kSetPoint, 3), 16},
+              {channel(kSetPoint, 4), 16}});
+  append_pdo(plan, board.node_id, canopen::PdoDirection::kReceive, kNozzleRpdo, canopen::kEventProfile,
+             {{channel(kSetPoint, kNozzleChannel), 16}, {kRelease, 8}});
+  const auto every = static_cast<std::uint8_t>(calc_syncs_per_zone_report(settings.sync_period));
+  for (const unsigned pair : {0U, 1U}) {
+    const unsigned first = 2 * pair + 1;
+    append_pdo(plan, board.node_id, canopen::PdoDirection::kTransmit, kFirstPairTpdo + pair, every,
+               {{channel(kTemperature, first), 16},
+                {channel(kStatus, first), 8},
+                {channel(kZoneState, first), 8},
+                {channel(kTemperature, first + 1), 16},
+                {channel(kStatus, first + 1), 8},
+                {channel(kZoneState, first + 1), 8}});
+  }
+  append_pdo(
+      plan, board.node_id, canopen::PdoDirection::kTransmit, kOutputTpdo, every,
+      {{channel(kOutput, 1), 16}, {channel(kOutput, 2), 16}, {channel(kOutput, 3), 16}, {channel(kOutput, 4), 16}});
+  append_pdo(plan, board.node_id, canopen::PdoDirection::kTransmit, kNozzleTpdo, every,
+             {{channel(kTemperature, kNozzleChannel), 16},
+              {channel(kStatus, kNozzleChannel), 8},
+              {channel(kZoneState, kNozzleChannel), 8},
+              {channel(kOutput, kNozzleChannel), 16},
+              {kBoardStatus, 8}});
+  for (const ZoneSettings::Zone& zone : settings.zones->zones) {
+    constexpr double kTenths = 10.0;
+    const auto number = static_cast<unsigned>(zone.channel);
+    const auto highest = static_cast<std::int16_t>(kTenths * settings.zones->limits.max_degC);
+    plan.steps.push_back(write(channel(kHighAlarm, number), highest, fmt::format("high alarm of zone {}", number)));
+  }
+  return plan;
+}
+
+}  // namespace
+
+BootPlan make_boot_plan(const ControllerSettings& settings, config::BoardKind kind, double safe_flow_kg_per_h) {
+  switch (kind) {
+    case config::BoardKind::kFeeder:
+      return make_feeder_plan(settings, safe_flow_kg_per_h);
+    case config::BoardKind::kScrewDrive:
+      return make_screw_drive_plan(settings);
+    case config::BoardKind::kMeltPressure:
+      return make_melt_pressure_plan(settings);
+    case config::BoardKind::kHeater:
+      return make_heater_plan(settings);
+    case config::BoardKind::kPreconditioner:
+      return make_preconditioner_plan(settings);
+    case config::BoardKind::kMeltCamera:
+      return make_melt_camera_plan(settings);
+  }
+  return {};
+}
+
+unsigned calc_syncs_per_zone_report(Nanos sync_period) {
+  return static_cast<unsigned>(std::clamp<Nanos::rep>(kZoneReportPeriod / sync_period, 1, 240));
+}
+
+bool moves_screw(const ControllerSettings& settings) {
+  return settings.sequence || std::any_of(settings.orders.begin(), settings.orders.end(),
+                                          [](const Order& order) { return order.kind == Order::Kind::kScrewSpeed; });
+}
+
+SdoStep make_loss_of_master_step(double flow_kg_per_h) {
+  return write(feeder_object::kLossOfMasterFlow, static_cast<float>(flow_kg_per_h), "flow on loss of master");
 }
 
 }  // namespace meltbench::machine

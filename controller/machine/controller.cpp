@@ -3,59 +3,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "controller/machine/boot_plan.hpp"
-#include "controller/machine/drive_402.hpp"
-#include "controller/machine/objects.hpp"
 
 namespace meltbench::machine {
 
 namespace {
 
 constexpr double kSecondsPerHour = 3600.0;
-
-/// Identifiers of the predefined connection set without their node id.
-namespace cob_id_base {
-constexpr std::uint32_t kEmcy = 0x080, kSdoResponse = 0x580, kNodeControl = 0x700;
-}
-
-constexpr std::uint64_t kMaxEmcyEvents = 100;  // A babbling board is counted further, but not written down.
-
-std::vector<SignalInfo> make_signals() {
-  constexpr SignalKind kError = SignalKind::kErrorCounter;
-  return {{"controller.x_m"},
-          {"controller.P_m"},
-          {"controller.U_command"},
-          {"controller.U_applied"},
-          {"controller.set_point_m"},
-          {"controller.flow_command_kg_per_h"},
-          {"controller.pressure_Pa"},
-          {"controller.speed_m_per_s"},
-          {"controller.measurement_age_s"},
-          {"controller.reaction_s"},
-          {"controller.state"},
-          {"controller.sdo_timeouts", kError},
-          {"controller.heartbeats_lost", kError},
-          {"controller.tpdos_missed", kError},
-          {"controller.emcys", kError},
-          {"controller.syncs_missed", kError}};
-}
-
-/// First multiple of the period at or after `now`.
-Instant round_up_to_grid(Instant now, Nanos period) {
-  const Nanos into = now.since_start % period;
-  return into == Nanos{} ? now : now + (period - into);
-}
-
-std::string_view explain_refusal(law::PredictionStatus status) {
-  if (status == law::PredictionStatus::kInfeasible) {
-    return "its prediction is not defined here, the speed fluctuates too fast for the delay; exact_predictor has no "
-           "such limit";
-  }
-  return "a measurement or a history is not a number";
-}
+constexpr double kSecondsPerMinute = 60.0;
 
 }  // namespace
 
@@ -78,102 +35,57 @@ std::string_view text(ControllerState state) {
 }
 
 Controller::Controller(ControllerSettings settings)
-    : settings_{std::move(settings)}, loop_{std::make_unique<LengthLoop>(settings_, BoardFacts{})} {
-  const BootTimes times{settings_.boot_timeout, settings_.sdo_timeout};
-  boots_.reserve(kBoardCount);
-  boots_.emplace_back(label(kFeeder), settings_.feeder.node_id,
-                      make_feeder_plan(settings_, safe_flow_kg_per_s() * kSecondsPerHour), times);
-  boots_.emplace_back(label(kScrewDrive), settings_.screw_drive.node_id, make_screw_drive_plan(settings_), times);
-  boots_.emplace_back(label(kMeltPressure), settings_.melt_pressure.node_id, make_melt_pressure_plan(settings_), times);
+    : settings_{std::move(settings)},
+      feed_{settings_.has_length_loop() ? std::make_optional<FeedControl>(settings_) : std::nullopt},
+      melt_{settings_.melt ? std::make_optional<MeltControl>(settings_) : std::nullopt},
+      zones_{settings_.zones ? std::make_optional<ZoneControl>(settings_) : std::nullopt},
+      sequence_{settings_.sequence ? std::make_optional<Sequence>(*settings_.sequence) : std::nullopt},
+      screw_{settings_},
+      bus_{settings_, feed_ ? feed_->safe_flow_kg_per_s() * kSecondsPerHour : 0.0},
+      run_rev_per_s_{settings_.run_speed_rev_per_s()} {
+  make_signals();
 }
 
 void Controller::wake(const Wakeup& in, Outbox& out) {
   on_link(in.now, in.link, out);
   if (state_ == ControllerState::kOff) {
-    start(in.now, out);  // What has come until now is older than the reset, and would only mislead.
+    // What has come until now is older than the reset, and would only mislead.
+    state_ = ControllerState::kBooting;
+    bus_.start(in.now, out);
   } else {
     for (const can::StampedFrame& stamped : in.frames) on_frame(in.now, stamped.frame, out);
   }
-  run_boot(in.now, out);
-  while (const auto lost = heartbeats_.take_lost(in.now)) on_heartbeat(in.now, *lost, out);
-  run_set_points(in.now, out);
-  run_feeder_writes(in.now, out);
+  if (bus_.on_time(in.now, out)) begin(in.now, out);
+  handle_troubles(in.now, out);
+  run_timeline(in.now, out);
   close_cycle_if_due(in.now, out);
-  send_heartbeat_if_due(in.now, out);
-  send_sync_if_due(in.now, out);
+  bus_.send_heartbeat_if_due(in.now, out);
+  if (bus_.send_sync_if_due(in.now, out)) {
+    sync_at_ = in.now;
+    cycle_deadline_ = in.now + settings_.sync_period / 2;
+  }
   out.wake_at(next_deadline());
 }
 
 Instant Controller::next_deadline() const {
-  Instant next = std::min(
-      {heartbeat_timer_.next_deadline(), sync_timer_.next_deadline(), cycle_deadline_, heartbeats_.next_deadline()});
-  if (state_ == ControllerState::kBooting) {
-    for (const NodeBoot& boot : boots_) next = std::min(next, boot.next_deadline());
-  }
-  if (is_up()) {
-    next = std::min(next, boots_[kFeeder].next_deadline());
-    if (set_point_ + 1 < settings_.set_points.size()) next = std::min(next, settings_.set_points[set_point_ + 1].from);
-  }
+  Instant next = std::min(bus_.next_deadline(), cycle_deadline_);
+  if (!is_up()) return next;
+  if (feed_) next = std::min(next, feed_->next_set_point());
+  if (next_order_ < settings_.orders.size()) next = std::min(next, settings_.orders[next_order_].at);
   return next;
 }
 
-// --- boot
-
-void Controller::start(Instant now, Outbox& out) {
-  state_ = ControllerState::kBooting;
-  heartbeat_timer_.start(now + settings_.heartbeat, settings_.heartbeat);
-  out.send(canopen::make_heartbeat(settings_.node_id, canopen::NmtState::kInitialising));
-  out.send(canopen::make_nmt_command(canopen::NmtCommand::kResetCommunication, 0));
-  for (NodeBoot& boot : boots_) boot.begin(now);
-}
-
-void Controller::run_boot(Instant now, Outbox& out) {
-  if (state_ != ControllerState::kBooting) return;
-  bool all_done = true;
-  for (NodeBoot& boot : boots_) {
-    boot.on_time(now, out.frame_queue());
-    if (boot.phase() == NodeBoot::Phase::kFailed) return trip(now, boot.failure_code(), boot.failure(), out);
-    all_done = all_done && boot.phase() == NodeBoot::Phase::kDone;
-  }
-  if (all_done) start_nodes(now, out);
-}
-
-BoardFacts Controller::collect_facts() const {
-  const NodeBoot& feeder = boots_[kFeeder];
-  const NodeBoot& drive = boots_[kScrewDrive];
-  const NodeBoot& pressure = boots_[kMeltPressure];
-  const auto to_us = [](std::uint32_t us) { return us * 1us; };
-  const double increments = drive.value<std::uint32_t>(drive_object::kEncoderIncrements);
-  const double revolutions = drive.value<std::uint32_t>(drive_object::kEncoderRevolutions);
-  constexpr double kPaPerBar = 1e5;
-  BoardFacts facts;
-  facts.metres_per_increment = settings_.pitch_m * revolutions / std::max(increments, 1.0);
-  facts.Pa_per_count = kPaPerBar * std::pow(10.0, -pressure.value<std::uint8_t>(pressure_object::kDigits));
-  facts.feeder_latency = to_us(feeder.value<std::uint32_t>(feeder_object::kLatency));
-  facts.feeder_cycle = to_us(feeder.value<std::uint32_t>(feeder_object::kControlCycle));
-  facts.pressure_latency = to_us(pressure.value<std::uint32_t>(pressure_object::kLatency));
-  facts.pressure_period = to_us(pressure.value<std::uint32_t>(pressure_object::kSamplePeriod));
-  return facts;
-}
-
-void Controller::start_nodes(Instant now, Outbox& out) {
-  loop_ = std::make_unique<LengthLoop>(settings_, collect_facts());
-  for (std::size_t i = 0; i < kBoardCount; ++i) {
-    out.send(canopen::make_nmt_command(canopen::NmtCommand::kStart, board(i).node_id));
-    heartbeats_.watch_from(now, board(i).node_id, kHeartbeatsMissed * board(i).heartbeat);
-  }
+void Controller::begin(Instant now, Outbox& out) {
+  screw_.connect(bus_);
+  if (feed_) feed_->connect(bus_);
+  if (melt_) melt_->connect(bus_);
+  if (zones_) zones_->release(!sequence_);
   state_ = ControllerState::kReady;
-  ready_at_ = now;
-  sync_timer_.start(round_up_to_grid(now, settings_.sync_period), settings_.sync_period);
-  out.report(
-      Severity::kInfo, now, "ready",
-      fmt::format("{} boards configured and started after {:.4g} s, law {}", boots_.size(), to_s(now), settings_.law));
-}
-
-void Controller::send_heartbeat_if_due(Instant now, Outbox& out) {
-  if (!heartbeat_timer_.take(now)) return;
-  const canopen::NmtState state = is_up() ? canopen::NmtState::kOperational : canopen::NmtState::kPreOperational;
-  out.send(canopen::make_heartbeat(settings_.node_id, state));
+  std::string laws;
+  if (feed_) laws += ", law " + settings_.law;
+  if (melt_) laws += ", melt law " + settings_.melt->law;
+  out.report(Severity::kInfo, now, "ready",
+             fmt::format("{} boards configured and started after {:.4g} s{}", bus_.board_count(), to_s(now), laws));
 }
 
 // --- arrivals
@@ -190,280 +102,326 @@ void Controller::on_link(Instant now, LinkState link, Outbox& out) {
 
 void Controller::on_frame(Instant now, const can::CanFrame& frame, Outbox& out) {
   if (frame.extended || frame.kind != can::FrameKind::kData) return;
-  if (take_sample(frame)) return;
-  constexpr std::uint32_t kFunctionMask = 0x780;
-  switch (frame.id & kFunctionMask) {
-    case cob_id_base::kEmcy:
-      if (const auto emcy = canopen::parse_emcy(frame)) on_emcy(now, *emcy, out);
+  if (screw_.take(frame, sync_at_)) return;
+  if (feed_ && feed_->take(frame, sync_at_)) return;
+  if (melt_ && melt_->take(frame, sync_at_)) return;
+  if (zones_ && zones_->take(frame, now)) return;
+  bus_.on_frame(now, frame, out);
+  handle_troubles(now, out);
+}
+
+void Controller::handle_troubles(Instant now, Outbox& out) {
+  while (auto trouble = bus_.take_trouble()) trip(now, trouble->code, std::move(trouble->text), out);
+}
+
+// --- timeline
+
+void Controller::run_timeline(Instant now, Outbox& out) {
+  if (!is_up()) return;
+  if (feed_ && feed_->run_set_points(now)) {
+    tell_safe_flow(now, out);
+    out.report(Severity::kInfo, now, "set-point",
+               fmt::format("filled length to hold is now {:.4g} m", feed_->set_point_m()));
+  }
+  while (next_order_ < settings_.orders.size() && settings_.orders[next_order_].at <= now) {
+    obey(now, settings_.orders[next_order_++], out);
+  }
+}
+
+void Controller::obey(Instant now, const Order& order, Outbox& out) {
+  switch (order.kind) {
+    case Order::Kind::kFrontSetPoint:
+      melt_->set_front(order.value);
+      return out.report(Severity::kInfo, now, "front-set-point",
+                        fmt::format("melting front to hold is now {:.4g} m", order.value));
+    case Order::Kind::kScrewSpeed:
+      run_rev_per_s_ = order.value;
+      out.report(Severity::kInfo, now, "screw-speed",
+                 fmt::format("screw goes to {:.4g} rpm", order.value * kSecondsPerMinute));
+      if (!sequence_) screw_.set_target(run_rev_per_s_);
       break;
-    case cob_id_base::kSdoResponse:
-      if (const std::size_t i = find_board(frame.id & ~kFunctionMask); i < kBoardCount) {
-        boots_[i].on_frame(now, frame, out.frame_queue());
+    case Order::Kind::kZoneSetPoint:
+      zones_->set_barrel(order.value);
+      return out.report(Severity::kInfo, now, "zone-set-point", fmt::format("barrel goes to {:.4g} C", order.value));
+    case Order::Kind::kMaterial: {
+      const MaterialSettings& material = settings_.materials[order.index];
+      melt_->set_material(material);
+      if (zones_) zones_->set_barrel(material.T_barrel_degC);
+      return out.report(Severity::kInfo, now, "material",
+                        fmt::format("{}: barrel goes to {:.4g} C, melting front to {:.4g} m", material.name,
+                                    material.T_barrel_degC, material.front_set_m));
+    }
+    case Order::Kind::kSequence:
+      if (!is_controlling() || !sequence_->obey(now, order.order)) {
+        out.report(Severity::kWarning, now, "order-refused",
+                   fmt::format("order comes in phase {} of the sequence, state {}: it means nothing there",
+                               text(sequence_->phase()), text(state_)));
+      } else {
+        out.report(Severity::kInfo, now, "sequence", fmt::format("now {}", text(sequence_->phase())));
       }
       break;
-    case cob_id_base::kNodeControl:
-      on_node_control(now, frame, out);
-      break;
-    default:
-      break;
+  }
+  if (feed_ && feed_->set_safe(run_rev_per_s_ * settings_.pitch_m, demand().feed != FeedMode::kNone)) {
+    tell_safe_flow(now, out);
   }
 }
 
-bool Controller::take_sample(const can::CanFrame& frame) {
-  using canopen::cob_id::tpdo;
-  if (frame.id == tpdo(drive_object::kMotionTpdo, settings_.screw_drive.node_id)) {
-    if (const auto report = parse_motion_report(frame)) {
-      screw_ = {sync_at_, report->position_inc, report->velocity_inc_per_s};
-    }
-    return true;
-  }
-  if (frame.id == tpdo(feeder_object::kReportTpdo, settings_.feeder.node_id)) {
-    const auto report = parse_feeder_report(frame);
-    if (report && std::isfinite(report->flow_kg_per_h)) {
-      std::optional<Nanos> age;
-      if (report->age_10us != kAgeSaturated) age = report->age_10us * 10us;
-      feed_ = {sync_at_, static_cast<double>(report->flow_kg_per_h) / kSecondsPerHour, age, report->changes};
-    }
-    return true;
-  }
-  if (frame.id == tpdo(pressure_object::kSampleTpdo, settings_.melt_pressure.node_id)) {
-    if (const auto report = parse_pressure_report(frame)) {
-      std::optional<Nanos> age;
-      if (report->age_us != kAgeSaturated) age = report->age_us * 1us;
-      pressure_ = {sync_at_, report->pressure_counts, age, report->status == 0};
-    }
-    return true;
-  }
-  return false;
-}
-
-void Controller::on_node_control(Instant now, const can::CanFrame& frame, Outbox& out) {
-  const std::size_t i = find_board(frame.id - cob_id_base::kNodeControl);
-  if (i == kBoardCount) return;
-  const bool boot_up =
-      frame.length == 1 && frame.bytes[0] == static_cast<std::uint8_t>(canopen::NmtState::kInitialising);
-  if (state_ == ControllerState::kBooting && boot_up) boots_[i].on_boot_up(now, out.frame_queue());
-  if (const auto event = heartbeats_.on_frame(now, frame)) on_heartbeat(now, *event, out);
-}
-
-void Controller::on_heartbeat(Instant now, const canopen::HeartbeatEvent& event, Outbox& out) {
-  const std::size_t i = find_board(event.node);
-  switch (event.change) {
-    case canopen::HeartbeatChange::kLost:
-      ++heartbeats_lost_;
-      return trip(now, "heartbeat-lost",
-                  fmt::format("{}: no heartbeat for {:.3g} s; has it lost power or its cable?", label(i),
-                              to_s(kHeartbeatsMissed * board(i).heartbeat)),
-                  out);
-    case canopen::HeartbeatChange::kBootUp:
-      return trip(now, "node-reset", fmt::format("{} was reset and has lost its configuration", label(i)), out);
-    case canopen::HeartbeatChange::kBack:
-      out.report(Severity::kInfo, now, "heartbeat-back",
-                 fmt::format("{}: heartbeat is back, state {}", label(i), canopen::text(event.state)));
-      [[fallthrough]];
-    case canopen::HeartbeatChange::kFirst:
-    case canopen::HeartbeatChange::kState:
-      // A heartbeat from before the start may still be under way.
-      if (event.state != canopen::NmtState::kOperational && now > ready_at_ + board(i).heartbeat) {
-        trip(now, "node-not-operational",
-             fmt::format("{} is {}; who has stopped it?", label(i), canopen::text(event.state)), out);
-      }
-  }
-}
-
-void Controller::on_emcy(Instant now, const canopen::ReceivedEmcy& received, Outbox& out) {
-  const std::size_t i = find_board(received.node);
-  if (i == kBoardCount) return;
-  const std::uint16_t code = received.emcy.code;
-  if (code != canopen::emcy_code::kNoError) ++emcys_;
-  if (emcys_ > kMaxEmcyEvents) return;
-  if (code == canopen::emcy_code::kNoError) {
-    out.report(Severity::kInfo, now, "emcy-over",
-               fmt::format("{}: error over, error register 0x{:02X}", label(i), received.emcy.error_register));
-    return;
-  }
-  std::string what = fmt::format("{}: EMCY {:04X}, {}, error register 0x{:02X}", label(i), code,
-                                 canopen::emcy_text(code), received.emcy.error_register);
-  const bool own_watchdog = i == kFeeder && code == feeder_object::kEmcyNoSetPoints;
-  if (own_watchdog || safety::is_survivable_emcy(code) || !is_up()) {
-    out.report(Severity::kWarning, now, "emcy", std::move(what));
-  } else {
-    trip(now, "emcy", std::move(what), out);
-  }
+void Controller::tell_safe_flow(Instant now, Outbox& out) {
+  bus_.boot(config::BoardKind::kFeeder)
+      .write(now, {make_loss_of_master_step(feed_->safe_flow_kg_per_s() * kSecondsPerHour)}, out.frame_queue());
 }
 
 // --- the cycle
 
-void Controller::run_set_points(Instant now, Outbox& out) {
-  if (!is_up()) return;
-  const std::size_t before = set_point_;
-  while (set_point_ + 1 < settings_.set_points.size() && settings_.set_points[set_point_ + 1].from <= now) ++set_point_;
-  if (set_point_ == before) return;
-  loop_->select_set_point(set_point_);
-  boots_[kFeeder].write(now, {make_loss_of_master_step(safe_flow_kg_per_s() * kSecondsPerHour)}, out.frame_queue());
-  out.report(Severity::kInfo, now, "set-point", fmt::format("filled length to hold is now {:.4g} m", set_point_m()));
-}
-
-void Controller::run_feeder_writes(Instant now, Outbox& out) {
-  if (!is_up()) return;
-  NodeBoot& feeder = boots_[kFeeder];
-  feeder.on_time(now, out.frame_queue());
-  if (const auto failure = feeder.take_failure()) out.report(Severity::kWarning, now, "configuration-failed", *failure);
-}
-
-void Controller::send_sync_if_due(Instant now, Outbox& out) {
-  if (!sync_timer_.take(now)) return;
-  sync_at_ = now;
-  cycle_deadline_ = now + settings_.sync_period / 2;
-  out.send(canopen::make_sync());
+bool Controller::has_all_samples() const {
+  return screw_.is_complete() && (!feed_ || feed_->is_complete()) && (!melt_ || melt_->is_complete());
 }
 
 void Controller::close_cycle_if_due(Instant now, Outbox& out) {
   if (cycle_deadline_ == Instant::never()) return;
-  if (now < cycle_deadline_ && !(screw_ && feed_ && pressure_)) return;
+  if (now < cycle_deadline_ && !has_all_samples()) return;
   cycle_deadline_ = Instant::never();
   hand_over_samples();
   if (state_ == ControllerState::kSafe) {
-    send_flow(now, safe_flow_kg_per_s(), out);
+    repeat_safe(now, out);
   } else {
     control(now, out);
   }
 }
 
 void Controller::hand_over_samples() {
-  samples_missed_ += (screw_ ? 0U : 1U) + (feed_ ? 0U : 1U) + (pressure_ ? 0U : 1U);
-  if (screw_) loop_->add(*screw_);  // First: feed and pressure are placed by the screw's clock and speed.
-  if (feed_) loop_->add(*feed_);
-  if (pressure_) loop_->add(*pressure_);
-  screw_.reset();
-  feed_.reset();
-  pressure_.reset();
+  const std::optional<ScrewSample> screw = screw_.close_cycle();
+  if (!screw) ++samples_missed_;
+  if (feed_) samples_missed_ += feed_->close_cycle(screw);
+  if (melt_) {
+    samples_missed_ += melt_->close_cycle(screw_.speed_m_per_s(), zones_ ? zones_->T_barrel_degC() : std::nullopt);
+  }
 }
 
-safety::Observation Controller::observe(Instant now) const {
-  const auto age = [&](Instant at) { return now - std::max(at, ready_at_); };
-  safety::Observation seen;
-  seen.pressure_age = age(loop_->measured_at());
-  seen.screw_age = age(loop_->screw_at());
-  seen.feed_age = age(loop_->feed_at());
-  if (const auto since = loop_->implausible_since()) seen.implausible_time = now - *since;
-  if (loop_->is_pressure_good()) seen.pressure_Pa = loop_->pressure_Pa();
-  if (loop_->has_estimate()) seen.filled_length_m = loop_->x_m();
-  return seen;
+SequenceDemand Controller::demand() const {
+  if (sequence_) return sequence_->demand(run_rev_per_s_);
+  return {.heat = true, .screw_rev_per_s = run_rev_per_s_, .feed = FeedMode::kLaw};
+}
+
+bool Controller::are_loops_ready() const {
+  return (!feed_ || feed_->is_ready()) && (!melt_ || melt_->is_ready());
+}
+
+bool Controller::are_loops_good() const {
+  return (!feed_ || feed_->is_measured_well()) && (!melt_ || melt_->is_measured_well());
 }
 
 void Controller::control(Instant now, Outbox& out) {
-  const safety::Observation seen = observe(now);
-  if (const safety::Trip why = safety::judge(settings_.limits, seen); why != safety::Trip::kNone) {
-    return trip(now, safety::code_of(why), safety::describe(why, settings_.limits, seen), out);
+  if (auto trouble = judge(now)) return trip(now, trouble->code, std::move(trouble->text), out);
+  if (sequence_) {
+    run_sequence(now, out);
+  } else if (state_ == ControllerState::kReady && !are_loops_ready()) {
+    if (zones_) zones_->tell(out);
+    return;
   }
-  if (!loop_->is_ready()) return;
-  if (state_ == ControllerState::kReady) {
+  if (state_ == ControllerState::kReady && (!sequence_ || sequence_->phase() != SequencePhase::kCold)) {
     state_ = ControllerState::kRunning;
-    out.report(Severity::kInfo, now, "running", fmt::format("filled length {:.4f} m", loop_->x_m()));
+    std::string what;
+    if (!sequence_ && feed_) what += fmt::format("filled length {:.4f} m", feed_->loop().x_m());
+    if (!sequence_ && melt_) {
+      what += fmt::format("{}melting front {:.4f} m", what.empty() ? "" : ", ", melt_->loop().front_m());
+    }
+    out.report(Severity::kInfo, now, "running", what.empty() ? "the sequence has begun" : std::move(what));
   }
-  command_ = loop_->calc(sync_at_, now);
-  const bool refused =
-      command_.status == law::PredictionStatus::kInfeasible || command_.status == law::PredictionStatus::kBadInput;
-  if (refused || !std::isfinite(command_.flow_kg_per_s)) {
-    return trip(now, "law-refused", fmt::format("{} refuses: {}", settings_.law, explain_refusal(command_.status)),
-                out);
-  }
-  if (command_.status == law::PredictionStatus::kHistoryTooShort && !history_warned_) {
-    history_warned_ = true;
-    out.report(Severity::kWarning, now, "history-too-short",
-               "the measurement is older than the feed history that is kept; the oldest feed stands in");
-  }
-  send_flow(now, command_.flow_kg_per_s, out);
+  control_feed(now, out);
+  if (is_controlling()) control_melt(now, out);
+  if (!is_controlling()) return;
+  if (zones_) zones_->tell(out);
+  screw_.drive(out);
   reaction_s_ = to_s(now - sync_at_);
 }
 
-void Controller::send_flow(Instant now, double flow_kg_per_s, Outbox& out) {
-  command_.flow_kg_per_s = flow_kg_per_s;
-  out.send(make_feed_command(settings_.feeder.node_id, static_cast<float>(flow_kg_per_s * kSecondsPerHour)));
-  loop_->note_sent(now, flow_kg_per_s);
+std::optional<Trouble> Controller::judge(Instant now) {
+  if (feed_) {
+    safety::Observation seen = feed_->observe(now, bus_.ready_at());
+    if (demand().feed != FeedMode::kLaw) {
+      // A screw that stands or fills has no pressure to measure.
+      seen.implausible_time = {};
+      seen.pressure_age = {};
+      seen.filled_length_m.reset();
+    }
+    const safety::Trip why = safety::judge(settings_.limits, seen);
+    if (why != safety::Trip::kNone) {
+      return Trouble{safety::code_of(why), safety::describe(why, settings_.limits, seen)};
+    }
+  } else {
+    safety::Observation seen;
+    seen.screw_age = now - std::max(screw_.measured_at(), bus_.ready_at());
+    if (seen.screw_age > settings_.limits.max_age) {
+      return Trouble{safety::code_of(safety::Trip::kScrewStale),
+                     safety::describe(safety::Trip::kScrewStale, settings_.limits, seen)};
+    }
+  }
+  if (melt_ && !sequence_ && !melt_->is_ready() && now - bus_.ready_at() > settings_.limits.max_age) {
+    return Trouble{"front-not-measured", fmt::format("no front, no inlet temperature or no turning screw within "
+                                                     "{:.3g} s; look at the camera's lens and at the drive",
+                                                     to_s(settings_.limits.max_age))};
+  }
+  if (zones_) return zones_->judge(now, bus_.ready_at());
+  return {};
 }
 
-double Controller::safe_flow_kg_per_s() const {
-  if (settings_.safe_feed == SafeFeed::kStop) return 0.0;
-  return settings_.model.feed_kg_per_s(settings_.model.holding_ratio(set_point_m()), settings_.model.speed_m_per_s);
+void Controller::run_sequence(Instant now, Outbox& out) {
+  const bool changed = sequence_->update(now, !zones_ || zones_->is_warm(), are_loops_good());
+  if (changed) out.report(Severity::kInfo, now, "sequence", fmt::format("now {}", text(sequence_->phase())));
+  if (sequence_->is_overdue(now)) {
+    return trip(now, "sequence-overdue",
+                fmt::format("{} for {:.0f} s; look at the zones that are not warm, or at camera and pressure",
+                            text(sequence_->phase()), to_s(now - sequence_->since())),
+                out);
+  }
+  const SequenceDemand wanted = demand();
+  if (zones_) zones_->release(wanted.heat);
+  screw_.set_target(wanted.screw_rev_per_s);
+  if (feed_ && feed_->set_safe(run_rev_per_s_ * settings_.pitch_m, wanted.feed != FeedMode::kNone)) {
+    if (wanted.feed == FeedMode::kOpenLoop) feed_->start_empty();
+    tell_safe_flow(now, out);
+  }
+}
+
+void Controller::control_feed(Instant now, Outbox& out) {
+  if (!feed_ || !is_controlling()) return;
+  const FeedMode mode = demand().feed;
+  if (mode != FeedMode::kLaw) return feed_->feed(mode, now, out);
+  if (auto trouble = feed_->control(sync_at_, now, out)) trip(now, trouble->code, std::move(trouble->text), out);
+}
+
+void Controller::control_melt(Instant now, Outbox& out) {
+  if (!melt_) return;
+  const bool turns = demand().screw_rev_per_s > 0.0;
+  if (!turns || !(melt_->loop().is_running() || melt_->is_ready())) return melt_->rest(out);
+  if (auto trouble = melt_->control(sync_at_, out)) trip(now, trouble->code, std::move(trouble->text), out);
 }
 
 // --- doubt
 
+void Controller::repeat_safe(Instant now, Outbox& out) {
+  if (feed_) feed_->go_safe(now, out);
+  if (melt_) melt_->rest(out);
+  if (zones_) zones_->tell(out);
+}
+
+std::string Controller::describe_safe() const {
+  std::string what;
+  if (feed_) what += fmt::format("; feed goes to {:.4g} kg/h", feed_->safe_flow_kg_per_s() * kSecondsPerHour);
+  if (melt_) what += "; inlet flux off";
+  if (zones_) what += "; heaters off";
+  what += settings_.safe_screw == SafeScrew::kStop ? ", the screw stops" : ", the screw turns on";
+  return what;
+}
+
 void Controller::trip(Instant now, std::string_view code, std::string reason, Outbox& out) {
-  const bool was_controlling = state_ == ControllerState::kReady || state_ == ControllerState::kRunning;
+  const bool was_controlling = is_controlling();
   if (state_ == ControllerState::kBooting) {
     state_ = ControllerState::kFault;
     reason += "; no board is started";
   } else if (was_controlling) {
     state_ = ControllerState::kSafe;
-    reason += fmt::format("; feed goes to {:.4g} kg/h, the screw {}", safe_flow_kg_per_s() * kSecondsPerHour,
-                          settings_.safe_screw == SafeScrew::kStop ? "stops" : "turns on");
+    reason += describe_safe();
   }
   out.report(Severity::kFault, now, std::string{code}, std::move(reason));
   if (!was_controlling) return;
-  command_.U = settings_.model.holding_ratio(set_point_m());
-  if (settings_.safe_feed == SafeFeed::kStop) command_.U = 0.0;
-  send_flow(now, safe_flow_kg_per_s(), out);
-  if (settings_.safe_screw == SafeScrew::kStop) {
-    out.send(make_controlword(settings_.screw_drive.node_id, kQuickStop));
-  }
+  if (zones_) zones_->release(false);
+  repeat_safe(now, out);
+  if (settings_.safe_screw == SafeScrew::kStop) screw_.quick_stop(out);
 }
 
 bool Controller::is_up() const {
-  return state_ == ControllerState::kReady || state_ == ControllerState::kRunning || state_ == ControllerState::kSafe;
+  return is_controlling() || state_ == ControllerState::kSafe;
 }
 
-const BoardSettings& Controller::board(std::size_t index) const {
-  switch (index) {
-    case kFeeder:
-      return settings_.feeder;
-    case kScrewDrive:
-      return settings_.screw_drive;
-    default:
-      return settings_.melt_pressure;
-  }
-}
-
-std::size_t Controller::find_board(std::uint32_t node_id) const {
-  std::size_t index = 0;
-  while (index < kBoardCount && board(index).node_id != node_id) ++index;
-  return index;
-}
-
-std::string Controller::label(std::size_t index) const {
-  return fmt::format("{} (node {})", board(index).name, board(index).node_id);
+bool Controller::is_controlling() const {
+  return state_ == ControllerState::kReady || state_ == ControllerState::kRunning;
 }
 
 // --- the recording
 
-std::span<const SignalInfo> Controller::signals() const {
-  static const std::vector<SignalInfo> kSignals = make_signals();
-  return kSignals;
+void Controller::make_signals() {
+  constexpr SignalKind kError = SignalKind::kErrorCounter;
+  if (feed_) {
+    for (const char* name :
+         {"x_m", "P_m", "U_command", "U_applied", "set_point_m", "flow_command_kg_per_h", "pressure_Pa"}) {
+      signals_.push_back({fmt::format("controller.{}", name)});
+    }
+  }
+  signals_.push_back({"controller.speed_m_per_s"});
+  if (feed_) signals_.push_back({"controller.measurement_age_s"});
+  signals_.push_back({"controller.reaction_s"});
+  signals_.push_back({"controller.state"});
+  if (sequence_) signals_.push_back({"controller.sequence"});
+  if (melt_) {
+    for (const char* name : {"front_m", "front_set_m", "T_ref_degC", "q_f_star_W_per_m2", "q_f_W_per_m2",
+                             "melt_Z_W_per_m2", "T_inlet_degC", "T_inlet_estimate_degC", "T_barrel_degC",
+                             "solid_margin_K", "trim_K", "gain_speed_m_per_s", "front_coasted_m", "inlet_coasted_m"}) {
+      signals_.push_back({fmt::format("controller.{}", name)});
+    }
+    for (std::size_t i = 0; i < kProfilePoints; ++i) signals_.push_back({fmt::format("controller.T_{:02}_degC", i)});
+  }
+  for (std::size_t i = 0; zones_ && i < zones_->zone_count(); ++i) {
+    const std::size_t channel = zones_->channel(i);
+    const std::string zone = channel == kNozzleChannel ? "nozzle" : fmt::format("zone{}", channel);
+    signals_.push_back({fmt::format("controller.{}_set_degC", zone)});
+    signals_.push_back({fmt::format("controller.{}_degC", zone)});
+    signals_.push_back({fmt::format("controller.{}_output", zone)});
+  }
+  for (const char* name : {"sdo_timeouts", "heartbeats_lost", "tpdos_missed", "emcys", "syncs_missed"}) {
+    signals_.push_back({fmt::format("controller.{}", name), kError});
+  }
 }
 
 void Controller::read_signals(std::span<double> values) const {
-  std::uint64_t sdo_timeouts = 0;
-  for (const NodeBoot& boot : boots_) sdo_timeouts += boot.sdo_timeouts();
-  const double measurement_age_s = loop_->has_estimate() ? to_s(sync_at_ - loop_->measured_at()) : 0.0;
-  const std::array<double, 16> all{loop_->x_m(),
-                                   command_.P_m,
-                                   command_.U,
-                                   loop_->U_applied(),
-                                   set_point_m(),
-                                   command_.flow_kg_per_s * kSecondsPerHour,
-                                   loop_->pressure_Pa(),
-                                   loop_->speed_m_per_s(),
-                                   measurement_age_s,
-                                   reaction_s_,
-                                   static_cast<double>(state_),
-                                   static_cast<double>(sdo_timeouts),
-                                   static_cast<double>(heartbeats_lost_),
-                                   static_cast<double>(samples_missed_),
-                                   static_cast<double>(emcys_),
-                                   static_cast<double>(sync_timer_.missed())};
-  std::copy(all.begin(), all.end(), values.begin());
+  std::size_t next = 0;
+  const auto put = [&](double value) { values[next++] = value; };
+  if (feed_) {
+    const LengthLoop& loop = feed_->loop();
+    put(loop.x_m());
+    put(feed_->command().P_m);
+    put(feed_->command().U);
+    put(loop.U_applied());
+    put(feed_->set_point_m());
+    put(feed_->command().flow_kg_per_s * kSecondsPerHour);
+    put(loop.pressure_Pa());
+  }
+  put(screw_.speed_m_per_s());
+  if (feed_) put(feed_->loop().has_estimate() ? to_s(sync_at_ - feed_->loop().measured_at()) : 0.0);
+  put(reaction_s_);
+  put(static_cast<double>(state_));
+  if (sequence_) put(static_cast<double>(sequence_->phase()));
+  if (melt_) {
+    const MeltLoop& loop = melt_->loop();
+    const safety::MeltObservation seen = loop.observe();
+    put(loop.front_m());
+    put(loop.front_set_m());
+    put(loop.request().T_reference_degC);
+    put(loop.reference_flux_W_per_m2());
+    put(loop.request().feedforward_W_per_m2);
+    put(loop.request().Z_W_per_m2);
+    put(loop.T_inlet_degC());
+    put(loop.T_degC(0.0));
+    put(loop.T_barrel_degC());
+    put(loop.solid_margin_K());
+    put(loop.trim_K());
+    put(loop.gain_speed_m_per_s());
+    put(seen.front_coasted_m);
+    put(seen.inlet_coasted_m);
+    const double spacing_m = melt_->length_m() / static_cast<double>(kProfilePoints - 1);
+    for (std::size_t i = 0; i < kProfilePoints; ++i) put(loop.T_degC(spacing_m * static_cast<double>(i)));
+  }
+  for (std::size_t i = 0; zones_ && i < zones_->zone_count(); ++i) {
+    put(zones_->set_degC(i));
+    put(zones_->T_degC(i));
+    put(zones_->output(i));
+  }
+  put(static_cast<double>(bus_.sdo_timeouts()));
+  put(static_cast<double>(bus_.heartbeats_lost()));
+  put(static_cast<double>(samples_missed_));
+  put(static_cast<double>(bus_.emcys()));
+  put(static_cast<double>(bus_.syncs_missed()));
 }
 
 }  // namespace meltbench::machine

@@ -115,15 +115,19 @@ bool LengthLoop::is_ready() const {
   return measured_ && clock_ && feed_.known_until();
 }
 
-// The feed up to now has kept the filled length where it is: the run starts in balance.
-void LengthLoop::start_laws() {
-  start_U_ = model_.holding_ratio(x_m_);
+void LengthLoop::start_empty() {
+  if (clock_ && feed_.known_until()) start_laws(0.0);
+}
+
+void LengthLoop::start_laws(double U) {
+  start_U_ = U;
   for (const auto& law : laws_) law->start(*feed_.known_until(), start_U_, *clock_);
   started_ = true;
 }
 
 LengthCommand LengthLoop::calc(Instant sync_at, Instant now) {
-  if (!started_) start_laws();
+  // The feed up to now has kept the filled length where it is: the run starts in balance.
+  if (!started_) start_laws(model_.holding_ratio(x_m_));
   const Instant effect_at = feed_.calc_effect(now);
   LengthCommand command{.U = start_U_, .P_m = x_m_};
   if (now >= law_starts_at_) {

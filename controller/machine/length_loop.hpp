@@ -77,6 +77,15 @@ class LengthLoop {
   void add(const FeedSample& sample);
   void add(const PressureSample& sample);
 
+  /// The viscosity of the melt at the nozzle, for the pressures to come.
+  void note_viscosity(double viscosity_Pa_s) { model_.viscosity_Pa_s = viscosity_Pa_s; }
+
+  /// Starts the laws on a screw that has been fed nothing, instead of the balance that calc() would begin with.
+  /// Ignored while screw and feeder have not been heard.
+  void start_empty();
+  /// The next calc() or start_empty() starts the laws anew.
+  void stop() { started_ = false; }
+
   /// All three boards have been heard and a first estimate exists.
   [[nodiscard]] bool is_ready() const;
 
@@ -102,7 +111,7 @@ class LengthLoop {
   [[nodiscard]] std::optional<Instant> implausible_since() const { return implausible_since_; }
 
  private:
-  void start_laws();
+  void start_laws(double U);
   [[nodiscard]] Instant time_stamp_of(const PressureSample& sample) const;
 
   law::BizoneModel model_;

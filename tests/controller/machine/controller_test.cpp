@@ -116,7 +116,7 @@ TEST_CASE("Controller: holds the filled length of the start until the law is tol
 
 TEST_CASE("Controller: a board that is somebody else is named with both values, and nothing is started", "[machine]") {
   ControllerSettings settings = make_settings();
-  settings.feeder.identity.product = 0x12345678;
+  settings.boards[0].identity.product = 0x12345678;
   FakeRig rig{settings};
   rig.run_for_s(1.0);
 

@@ -135,15 +135,17 @@ class FakePressure : public FakeBoard {
   std::uint8_t status = 0;
 };
 
+/// A board as its EDS file in the fixtures describes it.
+inline BoardSettings make_board(config::BoardKind kind, std::uint8_t node_id) {
+  const std::string name{config::name_of(kind)};
+  return {kind, name, node_id, 100ms, identity_in(read_dictionary(name + ".eds", node_id))};
+}
+
 /// The rig of the tests: node ids 5, 6, 7, the models' default extruder.
 inline ControllerSettings make_settings() {
   ControllerSettings settings;
-  const auto board = [](std::string name, std::uint8_t node_id, const std::string& eds) {
-    return BoardSettings{std::move(name), node_id, 100ms, identity_in(read_dictionary(eds, node_id))};
-  };
-  settings.feeder = board("feeder", 5, "feeder.eds");
-  settings.screw_drive = board("screw_drive", 6, "screw_drive.eds");
-  settings.melt_pressure = board("melt_pressure", 7, "melt_pressure.eds");
+  settings.boards = {make_board(config::BoardKind::kFeeder, 5), make_board(config::BoardKind::kScrewDrive, 6),
+                     make_board(config::BoardKind::kMeltPressure, 7)};
   settings.set_points = {{Instant{}, 0.16}};
   settings.limits.max_pressure_Pa = 1e5;
   settings.limits.max_filled_length_m = 0.198;

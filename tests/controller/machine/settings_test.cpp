@@ -67,11 +67,12 @@ TEST_CASE("Controller settings: a rig with a set point only has every default", 
 
 TEST_CASE("Controller settings: identities come from the boards' EDS files", "[machine]") {
   const ControllerSettings settings = read(make_rig());
-  CHECK(settings.feeder.name == "feeder");
-  CHECK(settings.feeder.node_id == 5);
-  CHECK(settings.feeder.identity.product == 0x4D42'0001);
-  CHECK(settings.screw_drive.identity.device_type == 0x0001'0192);
-  CHECK(settings.melt_pressure.identity.revision == 0x0001'0000);
+  const BoardSettings& feeder = settings.board(config::BoardKind::kFeeder);
+  CHECK(feeder.name == "feeder");
+  CHECK(feeder.node_id == 5);
+  CHECK(feeder.identity.product == 0x4D42'0001);
+  CHECK(settings.board(config::BoardKind::kScrewDrive).identity.device_type == 0x0001'0192);
+  CHECK(settings.board(config::BoardKind::kMeltPressure).identity.revision == 0x0001'0000);
 }
 
 TEST_CASE("Controller settings: the rigs of the fixtures can be read", "[machine]") {

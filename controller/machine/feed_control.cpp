@@ -1,0 +1,171 @@
+#include "controller/machine/feed_control.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "controller/machine/objects.hpp"
+
+namespace meltbench::machine {
+
+namespace {
+
+using config::BoardKind;
+
+constexpr double kSecondsPerHour = 3600.0;
+
+std::string_view explain_refusal(law::PredictionStatus status) {
+  if (status == law::PredictionStatus::kInfeasible) {
+    return "its prediction is not defined here, the speed fluctuates too fast for the delay; exact_predictor has no "
+           "such limit";
+  }
+  return "a measurement or a history is not a number";
+}
+
+BoardFacts collect_facts(const ControllerSettings& settings, const BusManager& bus) {
+  const NodeBoot& feeder = bus.boot(BoardKind::kFeeder);
+  const NodeBoot& drive = bus.boot(BoardKind::kScrewDrive);
+  const NodeBoot& pressure = bus.boot(BoardKind::kMeltPressure);
+  const auto to_us = [](std::uint32_t us) { return us * 1us; };
+  const double increments = drive.value<std::uint32_t>(drive_object::kEncoderIncrements);
+  const double revolutions = drive.value<std::uint32_t>(drive_object::kEncoderRevolutions);
+  constexpr double kPaPerBar = 1e5;
+  BoardFacts facts;
+  facts.metres_per_increment = settings.pitch_m * revolutions / std::max(increments, 1.0);
+  facts.Pa_per_count = kPaPerBar * std::pow(10.0, -pressure.value<std::uint8_t>(pressure_object::kDigits));
+  facts.feeder_latency = to_us(feeder.value<std::uint32_t>(feeder_object::kLatency));
+  facts.feeder_cycle = to_us(feeder.value<std::uint32_t>(feeder_object::kControlCycle));
+  facts.pressure_latency = to_us(pressure.value<std::uint32_t>(pressure_object::kLatency));
+  facts.pressure_period = to_us(pressure.value<std::uint32_t>(pressure_object::kSamplePeriod));
+  return facts;
+}
+
+}  // namespace
+
+FeedControl::FeedControl(const ControllerSettings& settings)
+    : settings_{settings},
+      set_points_{settings.set_points},
+      feeder_id_{settings.board(BoardKind::kFeeder).node_id},
+      pressure_id_{settings.board(BoardKind::kMeltPressure).node_id},
+      loop_{std::make_unique<LengthLoop>(settings, BoardFacts{})},
+      safe_speed_m_per_s_{settings.model.speed_m_per_s},
+      safe_feeds_{!settings.sequence} {}
+
+void FeedControl::connect(const BusManager& bus) {
+  loop_ = std::make_unique<LengthLoop>(settings_, collect_facts(settings_, bus));
+}
+
+bool FeedControl::take(const can::CanFrame& frame, Instant sync_at) {
+  using canopen::cob_id::tpdo;
+  if (frame.id == tpdo(feeder_object::kReportTpdo, feeder_id_)) {
+    const auto report = parse_feeder_report(frame);
+    if (report && std::isfinite(report->flow_kg_per_h)) {
+      std::optional<Nanos> age;
+      if (report->age_10us != kAgeSaturated) age = report->age_10us * 10us;
+      feed_ = {sync_at, static_cast<double>(report->flow_kg_per_h) / kSecondsPerHour, age, report->changes};
+    }
+    return true;
+  }
+  if (frame.id == tpdo(pressure_object::kSampleTpdo, pressure_id_)) {
+    if (const auto report = parse_pressure_report(frame)) {
+      std::optional<Nanos> age;
+      if (report->age_us != kAgeSaturated) age = report->age_us * 1us;
+      pressure_ = {sync_at, report->pressure_counts, age, report->status == 0};
+    }
+    return true;
+  }
+  if (frame.id == tpdo(pressure_object::kMeltTpdo, pressure_id_)) {
+    constexpr double kTenths = 0.1;
+    const auto report = parse_melt_temperature(frame);
+    if (report && report->status == 0) T_melt_degC_ = kTenths * report->T_0p1degC;
+    return true;
+  }
+  return false;
+}
+
+unsigned FeedControl::close_cycle(const std::optional<ScrewSample>& screw) {
+  const unsigned missed = (feed_ ? 0U : 1U) + (pressure_ ? 0U : 1U);
+  if (T_melt_degC_ && settings_.viscosity_per_K > 0.0) {
+    const double colder_K = settings_.viscosity_at_degC - *T_melt_degC_;
+    loop_->note_viscosity(settings_.model.viscosity_Pa_s * std::exp(settings_.viscosity_per_K * colder_K));
+  }
+  if (screw) loop_->add(*screw);  // First: feed and pressure are placed by the screw's clock and speed.
+  if (feed_) loop_->add(*feed_);
+  if (pressure_) loop_->add(*pressure_);
+  feed_.reset();
+  pressure_.reset();
+  return missed;
+}
+
+safety::Observation FeedControl::observe(Instant now, Instant ready_at) const {
+  const auto age = [&](Instant at) { return now - std::max(at, ready_at); };
+  safety::Observation seen;
+  seen.pressure_age = age(loop_->measured_at());
+  seen.screw_age = age(loop_->screw_at());
+  seen.feed_age = age(loop_->feed_at());
+  if (const auto since = loop_->implausible_since()) seen.implausible_time = now - *since;
+  if (loop_->is_pressure_good()) seen.pressure_Pa = loop_->pressure_Pa();
+  if (loop_->has_estimate()) seen.filled_length_m = loop_->x_m();
+  return seen;
+}
+
+std::optional<Trouble> FeedControl::control(Instant sync_at, Instant now, Outbox& out) {
+  command_ = loop_->calc(sync_at, now);
+  const bool refused =
+      command_.status == law::PredictionStatus::kInfeasible || command_.status == law::PredictionStatus::kBadInput;
+  if (refused || !std::isfinite(command_.flow_kg_per_s)) {
+    return Trouble{"law-refused", fmt::format("{} refuses: {}", settings_.law, explain_refusal(command_.status))};
+  }
+  if (command_.status == law::PredictionStatus::kHistoryTooShort && !history_warned_) {
+    history_warned_ = true;
+    out.report(Severity::kWarning, now, "history-too-short",
+               "the measurement is older than the feed history that is kept; the oldest feed stands in");
+  }
+  send_flow(now, command_.flow_kg_per_s, out);
+  return {};
+}
+
+void FeedControl::feed(FeedMode mode, Instant now, Outbox& out) {
+  command_ = {.U = 0.0, .P_m = loop_->x_m()};
+  if (mode == FeedMode::kOpenLoop) command_.U = settings_.model.holding_ratio(set_point_m());
+  send_flow(now, settings_.model.feed_kg_per_s(command_.U, std::max(loop_->speed_m_per_s(), 0.0)), out);
+}
+
+void FeedControl::go_safe(Instant now, Outbox& out) {
+  const double flow = safe_flow_kg_per_s();
+  command_.U = flow > 0.0 ? settings_.model.holding_ratio(set_point_m()) : 0.0;
+  send_flow(now, flow, out);
+}
+
+void FeedControl::send_flow(Instant now, double flow_kg_per_s, Outbox& out) {
+  command_.flow_kg_per_s = flow_kg_per_s;
+  out.send(make_feed_command(feeder_id_, static_cast<float>(flow_kg_per_s * kSecondsPerHour)));
+  loop_->note_sent(now, flow_kg_per_s);
+}
+
+bool FeedControl::run_set_points(Instant now) {
+  const std::size_t before = set_point_;
+  while (set_point_ + 1 < set_points_.size() && set_points_[set_point_ + 1].from <= now) ++set_point_;
+  if (set_point_ == before) return false;
+  loop_->select_set_point(set_point_);
+  return true;
+}
+
+Instant FeedControl::next_set_point() const {
+  return set_point_ + 1 < set_points_.size() ? set_points_[set_point_ + 1].from : Instant::never();
+}
+
+bool FeedControl::set_safe(double speed_m_per_s, bool feeds) {
+  const bool changed = speed_m_per_s != safe_speed_m_per_s_ || feeds != safe_feeds_;
+  safe_speed_m_per_s_ = speed_m_per_s;
+  safe_feeds_ = feeds;
+  return changed;
+}
+
+double FeedControl::safe_flow_kg_per_s() const {
+  if (settings_.safe_feed == SafeFeed::kStop || !safe_feeds_) return 0.0;
+  return settings_.model.feed_kg_per_s(settings_.model.holding_ratio(set_point_m()), safe_speed_m_per_s_);
+}
+
+}  // namespace meltbench::machine
