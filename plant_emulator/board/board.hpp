@@ -41,7 +41,8 @@ class Process {
   [[nodiscard]] virtual plant::InletFlux inlet_flux() const { return {}; }  ///< Up to now.
   /// Thermocouple of a heated zone; channels 0..3 are the barrel from the feed throat on, 4 is the nozzle.
   [[nodiscard]] virtual double T_zone_degC(std::size_t /*channel*/) const { return kNothing; }
-  virtual void set_heater_W(std::size_t /*channel*/, double /*power_W*/) {}  ///< Held until set again.
+  /// Share of its full power that a heater band gets, 0..1; held until set again.
+  virtual void set_heater(std::size_t /*channel*/, double /*share*/) {}
 };
 
 /// Bits of object 6150 of an analogue input, CiA 404.

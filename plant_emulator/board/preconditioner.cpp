@@ -110,7 +110,7 @@ void Preconditioner::take_orders(Instant now, bool is_set_point) {
   const auto feedforward = static_cast<double>(feedforward_.get());
   const auto gain = static_cast<double>(gain_.get());
   not_a_number_ = !(std::isfinite(T_reference) && std::isfinite(feedforward) && std::isfinite(gain) && gain >= 0);
-  if (not_a_number_ || lost_heartbeats_ > 0) return;  // Neither says that a master is in control.
+  if (not_a_number_ || lost_nodes_.any()) return;  // Neither says that a master is in control.
   T_reference_degC_ = T_reference;
   q_feedforward_ = feedforward;
   gain_W_per_m2K_ = gain;
@@ -171,7 +171,7 @@ void Preconditioner::find_set_point_rpdos() {
 void Preconditioner::on_reset(Instant now, canopen::ResetKind kind) {
   invalidate();
   find_set_point_rpdos();
-  lost_heartbeats_ = 0;
+  lost_nodes_.reset();
   if (kind == canopen::ResetKind::kCommunication) return;
   while (!pending_.empty()) pending_.pop_front();
   master_lost_ = not_a_number_ = orders_waiting_ = false;
@@ -185,12 +185,9 @@ void Preconditioner::on_reset(Instant now, canopen::ResetKind kind) {
 }
 
 void Preconditioner::on_heartbeat(Instant now, const canopen::HeartbeatEvent& event) {
-  if (event.change == canopen::HeartbeatChange::kLost) {
-    ++lost_heartbeats_;
-    lose_master(now, fmt::format("heartbeat of node {} lost", event.node));
-  } else if (lost_heartbeats_ > 0) {
-    --lost_heartbeats_;
-  }
+  const bool lost = event.change == canopen::HeartbeatChange::kLost;
+  lost_nodes_.set(event.node, lost);
+  if (lost) lose_master(now, fmt::format("heartbeat of node {} lost", event.node));
 }
 
 void Preconditioner::on_sync(Instant now, std::uint8_t counter) {

@@ -1,6 +1,7 @@
 #pragma once
 /// Inlet preconditioner: heats or cools the granules at the inlet, with a temperature loop of its own.
 
+#include <bitset>
 #include <cstdint>
 #include <span>
 #include <string>
@@ -97,7 +98,7 @@ class Preconditioner final : public Board {
   std::vector<bool> set_point_rpdos_;  // Which RPDOs carry 6402:1, from number 1 on.
 
   double T_reference_degC_ = 0, q_feedforward_ = 0, gain_W_per_m2K_ = 0;  // The last ones that were numbers.
-  std::size_t lost_heartbeats_ = 0;
+  std::bitset<128> lost_nodes_;                                           // Whose heartbeat is lost.
   bool master_lost_ = false, not_a_number_ = false;
   bool orders_waiting_ = false;
 

@@ -81,6 +81,30 @@ PreconditionerSettings read_preconditioner_settings(const config::Section& secti
   return settings;
 }
 
+HeaterSettings read_heater_settings(const config::Section& section, const PlantRates& plant) {
+  HeaterSettings settings;
+  settings.barrel_zones = plant.barrel_zones;
+  settings.start = plant.zones;
+  settings.sample_time = read_firmware_time(section, "sample_time_ms", 100, 10, 10'000);
+  settings.proportional = section.choice_or("output", "relay", {"relay", "proportional"}) == "proportional";
+  settings.cycle_s = section.number_or("cycle_s", settings.cycle_s, between(0.1, 600));
+  settings.band_K = section.number_or("band_K", settings.band_K, between(0.1, 2000));
+  settings.integral_s = section.number_or("integral_s", settings.integral_s, between(0, 3276));
+  settings.derivative_s = section.number_or("derivative_s", settings.derivative_s, between(0, 3276));
+  settings.resolution_K = section.number_or("resolution_K", settings.resolution_K, at_least(0));
+  settings.noise_K = section.number_or("noise_K", 0, at_least(0));
+  settings.max_degC = section.number_or("max_degC", settings.max_degC, between(0, 600));
+  settings.warm_band_K = section.number_or("warm_band_K", settings.warm_band_K, between(0.1, 100));
+  settings.supervision_s = section.number_or("supervision_s", settings.supervision_s, between(1, 3600));
+  settings.supervision_K = section.number_or("supervision_K", settings.supervision_K, between(0.1, 100));
+  settings.autotune_hysteresis_K =
+      section.number_or("autotune_hysteresis_K", settings.autotune_hysteresis_K, between(0.05, 20));
+  settings.watchdog_ms = static_cast<std::uint16_t>(
+      section.integer_or("watchdog_ms", 1000, between(0, 65535, "a second is nothing to a barrel; 0 = no watchdog")));
+  settings.warm_start = section.boolean_or("warm_start", plant.zones_are_warm);
+  return settings;
+}
+
 MeltCameraSettings read_melt_camera_settings(const config::Section& section) {
   MeltCameraSettings settings;
   settings.sample_time = read_firmware_time(section, "sample_time_ms", 20, 0.1, 10'000);

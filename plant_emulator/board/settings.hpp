@@ -5,6 +5,7 @@
 /// know of the bus: its phase is drawn from the run's seed (sampling.hpp), so that no control law can lean on a lucky
 /// phase.
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 
@@ -21,7 +22,13 @@ struct PlantRates {
   double screw_rev_per_s = 0;       ///< Nominal screw speed.
   double start_flux_W_per_m2 = 0;   ///< At the inlet: keeps the melting front where the run starts.
   std::size_t barrel_zones = 0;     ///< Heated zones of the barrel, 0..4. With any there is a heated nozzle as well.
-  double T_zone_degC = 0;           ///< What they are at in production.
+  /// What keeps zones and nozzle where the run starts; not warm: they start cold, and off.
+  struct Zone {
+    double T_degC = 0;
+    double heater_share = 0;
+  };
+  bool zones_are_warm = false;
+  std::array<Zone, 5> zones{};
 };
 
 /// [board.NAME] with kind = "feeder". Key, range, (default), what:
@@ -128,6 +135,42 @@ struct MeltCameraSettings {
   int drop_out_images = 1;
 };
 
+/// [board.NAME] with kind = "heater". Key, range, (default), what:
+/// - sample_time_ms        10..10000 (100)      cycle of the controllers
+/// - output                relay | proportional (relay)   power on for a share of every cycle, or in proportion
+/// - cycle_s               0.1..600 (2)         that cycle; objects 7456
+/// - band_K                0.1..2000 (20)       proportional band; objects 7450
+/// - integral_s            0..3276 (120)        integral time, 0 = none; objects 7452
+/// - derivative_s          0..3276 (20)         derivative time; objects 7454
+/// - resolution_K          >= 0 (0.02)          step of the converter; the wire carries 0.1 K
+/// - noise_K               >= 0 (0)             standard deviation of the thermocouples
+/// - max_degC              0..600 (300)         alarm above; objects 2100
+/// - warm_band_K           0.1..100 (3)         within it of the set point: bit 1 of the zone state; objects 2101
+/// - supervision_s         1..3600 (120)        full power for so long must warm, no power must not; objects 2103
+/// - supervision_K         0.1..100 (2)         by so much; objects 2104
+/// - autotune_hysteresis_K 0.05..20 (0.3)       of the relay that tries the zone out
+/// - watchdog_ms           0..65535 (1000)      no set points for so long: all off, 0 = off; object 2006
+/// - warm_start            (the plant's)        powers up in control of zones that are warm already
+struct HeaterSettings {
+  std::size_t barrel_zones = 4;  ///< From the plant; no key.
+  Nanos sample_time = 100ms;
+  bool proportional = false;
+  double cycle_s = 2;
+  double band_K = 20;
+  double integral_s = 120;
+  double derivative_s = 20;
+  double resolution_K = 0.02;
+  double noise_K = 0;
+  double max_degC = 300;
+  double warm_band_K = 3;
+  double supervision_s = 120;
+  double supervision_K = 2;
+  double autotune_hysteresis_K = 0.3;
+  std::uint16_t watchdog_ms = 1000;
+  bool warm_start = false;
+  std::array<PlantRates::Zone, 5> start{};  ///< From the plant; no key.
+};
+
 /// Read the board's own keys; the section's finish() is the caller's.
 /// @throws config::ConfigError for a value out of range, or a time that is not a whole number of microseconds.
 [[nodiscard]] FeederSettings read_feeder_settings(const config::Section& section, const PlantRates& plant);
@@ -135,6 +178,7 @@ struct MeltCameraSettings {
 [[nodiscard]] MeltPressureSettings read_melt_pressure_settings(const config::Section& section);
 [[nodiscard]] PreconditionerSettings read_preconditioner_settings(const config::Section& section,
                                                                   const PlantRates& plant);
+[[nodiscard]] HeaterSettings read_heater_settings(const config::Section& section, const PlantRates& plant);
 [[nodiscard]] MeltCameraSettings read_melt_camera_settings(const config::Section& section);
 
 }  // namespace meltbench::board

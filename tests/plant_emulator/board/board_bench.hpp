@@ -2,6 +2,7 @@
 /// A board on the desk: a process that does what the test says, and a master that speaks in raw frames.
 
 #include <algorithm>
+#include <array>
 #include <fstream>
 #include <functional>
 #include <initializer_list>
@@ -14,6 +15,7 @@
 
 #include "plant_emulator/board/board.hpp"
 #include "plant_emulator/board/sampling.hpp"
+#include "plant_emulator/model/barrel.hpp"
 #include "protocols/canopen/eds.hpp"
 
 namespace meltbench::board {
@@ -37,6 +39,9 @@ class FakeProcess final : public Process {
   std::function<double(double t_s)> front_at = [](double) { return kNothing; };
   std::function<double(double t_s)> T_inlet_at = [](double) { return kNothing; };
   std::function<double(double t_s)> T_melt_at = [](double) { return kNothing; };
+  std::array<bool, 5> thermocouple_is_open{};
+  std::array<double, 5> heater_share{};
+  std::optional<plant::Barrel> barrel;  // What the heaters heat, if the test has one.
   std::vector<std::pair<Instant, plant::MeltInlet>> inlets;
   plant::InletFlux flux;  // Its total is kept by advance_to().
   double turns_rev = 0;
@@ -58,7 +63,18 @@ class FakeProcess final : public Process {
     flux.now_W_per_m2 = inlet.wanted_W_per_m2(T_inlet_degC());
   }
   [[nodiscard]] plant::InletFlux inlet_flux() const override { return flux; }
+  [[nodiscard]] double T_zone_degC(std::size_t channel) const override {
+    if (!barrel || channel >= barrel->zone_count() || thermocouple_is_open[channel]) return kNothing;
+    return barrel->T_thermocouple_degC(channel);
+  }
+  void set_heater(std::size_t channel, double share) override {
+    heater_share[channel] = share;
+    if (barrel && channel < barrel->zone_count()) {
+      barrel->set_heater_W(channel, share * barrel->parameters().zones[channel].max_power_W);
+    }
+  }
   void advance_to(Instant to) {
+    if (barrel) barrel->advance(to_s(to - now_));
     flux.total_J_per_m2 += flux.now_W_per_m2 * to_s(to - now_);
     turns_rev += speed_rev_per_s * to_s(to - now_);
     now_ = to;
