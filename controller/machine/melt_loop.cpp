@@ -74,7 +74,9 @@ MeltLoop::MeltLoop(const MeltSettings& settings, const MeltFacts& facts, Nanos s
       law_{make_law(settings)},
       backstepping_{dynamic_cast<const law::BacksteppingMeltLaw*>(law_.get())},
       observer_{make_observer(settings)},
-      T_barrel_degC_{settings.T_barrel_degC} {}
+      T_barrel_degC_{settings.T_barrel_degC} {
+  stop();
+}
 
 void MeltLoop::add(const FrontSample& sample) {
   if (!sample.good) return;
@@ -101,7 +103,7 @@ void MeltLoop::stop() {
   inlet_at_.reset();
   mean_flux_W_per_m2_.reset();
   front_coasted_m_ = inlet_coasted_m_ = 0.0;
-  request_ = {};
+  request_ = {.T_reference_degC = settings_.model.T_melt_degC};  // Of no consequence without a gain.
 }
 
 void MeltLoop::start_observer(Instant sync_at) {
@@ -169,15 +171,15 @@ std::optional<MeltRequest> MeltLoop::calc(Instant sync_at) {
   const double T_inlet_degC = inlet_fresh_ ? T_inlet_degC_ : observer_.T_inlet_degC();
   law::MeltCommand command =
       law_->update(*reference_, {front_m_, T_inlet_degC, observer_.nodes(), observer_.T_degC()}, dt_s);
-  if (placement_ == GainPlacement::kCapped) command = law::limit_melt_gain(command, *reference_, to_s(sync_period_));
-  request_ = {.feedforward_W_per_m2 = command.feedforward_W_per_m2,
-              .gain_W_per_m2K = command.gain_W_per_m2K,
-              .T_reference_degC = command.T_reference_degC,
-              .Z_W_per_m2 = 0.0};
+  double Z_W_per_m2 = 0.0;
   if (backstepping_ != nullptr) {
     const double T_without_Z_degC = reference_->T_inlet_degC + backstepping_->trim_K();
-    request_.Z_W_per_m2 = reference_->loop_gain_W_per_m2K * (T_without_Z_degC - command.T_reference_degC);
+    Z_W_per_m2 = reference_->loop_gain_W_per_m2K * (T_without_Z_degC - command.T_reference_degC);
   }
+  // A cold first guess near the set point would ask for granules that stick; with (85) of [K19] it never binds.
+  command.T_reference_degC = std::min(command.T_reference_degC, settings_.model.T_melt_degC);
+  if (placement_ == GainPlacement::kCapped) command = law::limit_melt_gain(command, *reference_, to_s(sync_period_));
+  request_ = {command.feedforward_W_per_m2, command.gain_W_per_m2K, command.T_reference_degC, Z_W_per_m2};
   if (placement_ != GainPlacement::kBoard) {
     request_.feedforward_W_per_m2 = command.calc_flux_W_per_m2(T_inlet_degC);
     request_.gain_W_per_m2K = 0.0;

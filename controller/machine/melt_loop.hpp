@@ -104,7 +104,8 @@ class FrontTracker {
 ///
 /// A sensor that is silent is replaced by the model, never by its last value: the observer carries the front on, and
 /// where the board closes the loop its inlet temperature is taken as the closed loop makes it. Gains follow the
-/// measured screw speed, not faster than max_gain_ramp; the observer takes the speed as measured.
+/// measured screw speed, not faster than max_gain_ramp; the observer takes the speed as measured. The inlet is never
+/// asked to be above the melting point.
 /// Real time: no allocation after construction, a few us, most of it the observer's band solve.
 class MeltLoop {
  public:
@@ -124,11 +125,7 @@ class MeltLoop {
   [[nodiscard]] std::optional<MeltRequest> calc(Instant sync_at);
   /// The next calc() starts anew, with a fresh observer.
   void stop();
-  /// Has been sent instead of the answer of calc().
-  void note_sent(const MeltRequest& request) { request_ = request; }
-
   void set_front(double front_set_m) { settings_.front_set_m = front_set_m; }
-  void set_barrel_model(double T_barrel_degC) { T_barrel_degC_ = T_barrel_degC; }
 
   [[nodiscard]] bool is_running() const { return running_; }
   [[nodiscard]] double front_set_m() const { return settings_.front_set_m; }

@@ -1,5 +1,5 @@
 #pragma once
-/// Three boards in the form of CANopen nodes with a trivial process behind them, and a bus without delay: enough to run
+/// Boards in the form of CANopen nodes with a trivial process behind them, and a bus without delay: enough to run
 /// the controller against, and to break at every place.
 
 #include <array>
@@ -37,11 +37,16 @@ inline Identity identity_in(const canopen::ObjectDictionary& dictionary) {
   return {value(0x1000, 0), value(0x1018, 1), value(0x1018, 2), value(0x1018, 3)};
 }
 
-/// A screw that turns evenly and an extruder whose filled length the test sets.
+/// A screw that turns evenly and an extruder whose filled length, front and temperatures the test sets.
 struct FakeProcess {
   law::BizoneModel model;
   double x_m = 0.1;
   double rev_per_s = 1.5;
+  double front_m = 0.05;
+  double T_inlet_degC = 130.0;
+  double mean_flux_W_per_m2 = 0.0;
+  double T_zone_degC = 20.0;
+  double output = 0.0;  ///< Of every zone, share of its power.
 
   [[nodiscard]] double speed_m_per_s() const { return 0.01 * rev_per_s; }
   [[nodiscard]] double pressure_Pa() const {
@@ -108,6 +113,7 @@ class FakeDrive : public FakeBoard {
   }
   [[nodiscard]] std::uint16_t statusword() { return od().at(0x6041).get<std::uint16_t>(); }
   std::vector<std::uint16_t> controlwords;
+  bool follows_target = false;  ///< The screw turns as it is told, else as the test says.
 
  private:
   void obey(std::uint16_t controlword) {
@@ -119,6 +125,7 @@ class FakeDrive : public FakeBoard {
     if (now == 0x23 && controlword == 0x0F) next = 0x27;
     if (now == 0x27 && controlword == 0x02) next = 0x07;
     if (next == 0x27) od().at(0x606B).set(od().at(0x60FF).get<std::int32_t>());
+    if (next == 0x27 && follows_target) process().rev_per_s = od().at(0x60FF).get<std::int32_t>() / 65536.0;
     od().at(0x6041).set(next);
   }
 };
@@ -141,6 +148,54 @@ inline BoardSettings make_board(config::BoardKind kind, std::uint8_t node_id) {
   return {kind, name, node_id, 100ms, identity_in(read_dictionary(name + ".eds", node_id))};
 }
 
+/// Has a fresh image at every SYNC.
+class FakeCamera : public FakeBoard {
+ public:
+  explicit FakeCamera(FakeProcess& process) : FakeBoard("melt_camera.eds", 9, process) {}
+  void on_sync(Instant, std::uint8_t) override {
+    od().at(0x9130, 1).set(static_cast<std::int32_t>(std::lround(1e6 * process().front_m)));
+    od().at(0x6150, 1).set(status);
+    od().at(0x2001).set<std::uint16_t>(0);
+  }
+  std::uint8_t status = 0;
+};
+
+/// Has a fresh temperature at every SYNC; the flux is what the test says.
+class FakePreconditioner : public FakeBoard {
+ public:
+  explicit FakePreconditioner(FakeProcess& process) : FakeBoard("preconditioner.eds", 8, process) {}
+  void on_sync(Instant, std::uint8_t) override {
+    od().at(0x6130, 1).set(static_cast<float>(process().T_inlet_degC));
+    od().at(0x6150, 1).set(status);
+    od().at(0x2010).set<std::uint16_t>(0);
+    od().at(0x2012).set(static_cast<float>(process().mean_flux_W_per_m2));
+  }
+  [[nodiscard]] int mode() { return od().at(0x2002).get<std::uint8_t>(); }
+  [[nodiscard]] double T_reference_degC() { return static_cast<double>(od().at(0x6402, 1).get<float>()); }
+  [[nodiscard]] double feedforward_W_per_m2() { return static_cast<double>(od().at(0x2000).get<float>()); }
+  [[nodiscard]] double gain_W_per_m2K() { return static_cast<double>(od().at(0x2001).get<float>()); }
+  std::uint8_t status = 0;
+};
+
+/// Five zones, all at the temperature and output of the process.
+class FakeHeater : public FakeBoard {
+ public:
+  explicit FakeHeater(FakeProcess& process) : FakeBoard("heater.eds", 10, process) { set_values(); }
+  void on_sync(Instant, std::uint8_t) override { set_values(); }
+  [[nodiscard]] int release() { return od().at(0x2000).get<std::uint8_t>(); }
+  [[nodiscard]] double set_degC(std::uint8_t channel) { return 0.1 * od().at(0x7402, channel).get<std::int16_t>(); }
+  std::array<std::uint8_t, 5> status{};
+
+ private:
+  void set_values() {
+    for (std::uint8_t channel = 1; channel <= 5; ++channel) {
+      od().at(0x7130, channel).set(static_cast<std::int16_t>(std::lround(10.0 * process().T_zone_degC)));
+      od().at(0x6150, channel).set(status[channel - 1U]);
+      od().at(0x7410, channel).set(static_cast<std::int16_t>(std::lround(1000.0 * process().output)));
+    }
+  }
+};
+
 /// The rig of the tests: node ids 5, 6, 7, the models' default extruder.
 inline ControllerSettings make_settings() {
   ControllerSettings settings;
@@ -152,16 +207,12 @@ inline ControllerSettings make_settings() {
   return settings;
 }
 
-/// Controller and boards on one bus on which frames cross at once.
-class FakeRig {
+/// A controller and some boards on one bus on which frames cross at once. The boards are those of a derived class.
+class FakeBus {
  public:
-  explicit FakeRig(const ControllerSettings& settings = make_settings(), bool warm_drive = true)
-      : feeder{process}, drive{process, warm_drive}, pressure{process}, controller{settings} {}
+  explicit FakeBus(const ControllerSettings& settings) : controller{settings} {}
 
   FakeProcess process;
-  FakeFeeder feeder;
-  FakeDrive drive;
-  FakePressure pressure;
   Controller controller;
   std::function<bool(Instant, const can::CanFrame&)> loses;  ///< True: the frame is lost on the bus.
   std::vector<Event> events;
@@ -200,11 +251,13 @@ class FakeRig {
   }
   [[nodiscard]] Instant now() const { return now_; }
 
+ protected:
+  std::vector<FakeBoard*> boards_;
+
  private:
-  [[nodiscard]] std::array<FakeBoard*, 3> boards() { return {&feeder, &drive, &pressure}; }
   [[nodiscard]] Instant next_board_deadline() {
     Instant next = Instant::never();
-    for (FakeBoard* board : boards()) {
+    for (FakeBoard* board : boards_) {
       if (board->alive) next = std::min(next, board->node().next_deadline());
     }
     return next;
@@ -212,13 +265,13 @@ class FakeRig {
   void power_on() {
     started_ = true;
     wake_controller();  // A reset that nobody hears: the boards come up later.
-    for (FakeBoard* board : boards()) {
+    for (FakeBoard* board : boards_) {
       if (board->alive) board->node().start(now_, from_boards_);
     }
     collect();
   }
   void wake_boards() {
-    for (FakeBoard* board : boards()) {
+    for (FakeBoard* board : boards_) {
       if (board->alive && board->node().next_deadline() <= now_) board->node().on_time(now_, from_boards_);
     }
     collect();
@@ -242,7 +295,7 @@ class FakeRig {
     for (const can::CanFrame& frame : out.frames()) {
       sent.push_back({now_, frame});
       if (loses && loses(now_, frame)) continue;
-      for (FakeBoard* board : boards()) {
+      for (FakeBoard* board : boards_) {
         if (started_ && board->alive) board->node().on_frame(now_, frame, from_boards_);
       }
     }
@@ -255,6 +308,80 @@ class FakeRig {
   Outbox outbox_;
   canopen::Frames from_boards_;
   std::vector<can::StampedFrame> arrived_;
+};
+
+/// The filled length: feeder, screw drive and melt pressure.
+class FakeRig : public FakeBus {
+ public:
+  explicit FakeRig(const ControllerSettings& settings = make_settings(), bool warm_drive = true)
+      : FakeBus{settings}, feeder{process}, drive{process, warm_drive}, pressure{process} {
+    boards_ = {&feeder, &drive, &pressure};
+  }
+
+  FakeFeeder feeder;
+  FakeDrive drive;
+  FakePressure pressure;
+};
+
+/// The melting front alone: 10 mm/s, steady at 50 mm when nobody asks otherwise.
+inline ControllerSettings make_melt_settings() {
+  ControllerSettings settings;
+  settings.boards = {make_board(config::BoardKind::kScrewDrive, 6), make_board(config::BoardKind::kPreconditioner, 8),
+                     make_board(config::BoardKind::kMeltCamera, 9)};
+  settings.melt = MeltSettings{};
+  settings.model.speed_m_per_s = settings.melt->speed_m_per_s;
+  return settings;
+}
+
+class FakeMeltRig : public FakeBus {
+ public:
+  explicit FakeMeltRig(const ControllerSettings& settings = make_melt_settings())
+      : FakeBus{settings}, drive{process, true}, preconditioner{process}, camera{process} {
+    process.rev_per_s = 1.0;
+    boards_ = {&drive, &preconditioner, &camera};
+  }
+
+  FakeDrive drive;
+  FakePreconditioner preconditioner;
+  FakeCamera camera;
+};
+
+/// Everything: both loops, four zones at 145 C and a nozzle at 150 C, and a sequence; cold.
+inline ControllerSettings make_coupled_settings() {
+  ControllerSettings settings = make_settings();
+  settings.boards.push_back(make_board(config::BoardKind::kHeater, 10));
+  settings.boards.push_back(make_board(config::BoardKind::kPreconditioner, 8));
+  settings.boards.push_back(make_board(config::BoardKind::kMeltCamera, 9));
+  settings.melt = MeltSettings{};
+  settings.melt->speed_m_per_s = settings.model.speed_m_per_s;
+  settings.zones = ZoneSettings{.zones = {{1, 145.0}, {2, 145.0}, {3, 145.0}, {4, 145.0}, {kNozzleChannel, 150.0}},
+                                .band_K = 6.0,
+                                .limits = {.max_degC = 185.0}};
+  settings.sequence = SequenceSettings{.soak = 1s, .fill = 1s};
+  return settings;
+}
+
+class FakeCoupledRig : public FakeBus {
+ public:
+  explicit FakeCoupledRig(const ControllerSettings& settings = make_coupled_settings())
+      : FakeBus{settings},
+        feeder{process},
+        drive{process, false},
+        pressure{process},
+        heater{process},
+        preconditioner{process},
+        camera{process} {
+    process.rev_per_s = 0.0;
+    drive.follows_target = true;
+    boards_ = {&feeder, &drive, &pressure, &heater, &preconditioner, &camera};
+  }
+
+  FakeFeeder feeder;
+  FakeDrive drive;
+  FakePressure pressure;
+  FakeHeater heater;
+  FakePreconditioner preconditioner;
+  FakeCamera camera;
 };
 
 }  // namespace meltbench::machine::testing
