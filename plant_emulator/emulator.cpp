@@ -7,6 +7,7 @@
 
 #include "plant_emulator/bizone_plant.hpp"
 #include "plant_emulator/board/feeder.hpp"
+#include "plant_emulator/board/heater.hpp"
 #include "plant_emulator/board/melt_camera.hpp"
 #include "plant_emulator/board/melt_pressure.hpp"
 #include "plant_emulator/board/preconditioner.hpp"
@@ -28,6 +29,8 @@ std::unique_ptr<board::Board> make_board(const BoardSettings& settings, std::uin
       return build(std::type_identity<board::ScrewDrive>{});
     } else if constexpr (std::is_same_v<Firmware, board::MeltPressureSettings>) {
       return build(std::type_identity<board::MeltPressure>{});
+    } else if constexpr (std::is_same_v<Firmware, board::HeaterSettings>) {
+      return build(std::type_identity<board::Heater>{});
     } else if constexpr (std::is_same_v<Firmware, board::PreconditionerSettings>) {
       return build(std::type_identity<board::Preconditioner>{});
     } else {
@@ -42,8 +45,10 @@ std::unique_ptr<Plant> make_plant(const EmulatorSettings& settings) {
     using Settings = std::decay_t<decltype(plant)>;
     if constexpr (std::is_same_v<Settings, plant::BizoneParameters>) {
       return std::make_unique<BizonePlant>(plant);
-    } else {
+    } else if constexpr (std::is_same_v<Settings, MeltPlantSettings>) {
       return std::make_unique<MeltPlant>(plant);
+    } else {
+      return std::make_unique<CoupledPlant>(plant);
     }
   };
   return std::visit(make, settings.plant);
@@ -52,7 +57,9 @@ std::unique_ptr<Plant> make_plant(const EmulatorSettings& settings) {
 }  // namespace
 
 Emulator::Emulator(const EmulatorSettings& settings, std::uint64_t seed)
-    : plant_{make_plant(settings)}, signals_{plant_->signals().begin(), plant_->signals().end()} {
+    : plant_{make_plant(settings)},
+      signals_{plant_->signals().begin(), plant_->signals().end()},
+      material_changes_{settings.material_changes} {
   for (const BoardSettings& board : settings.boards) {
     boards_.push_back(make_board(board, seed, *plant_));
     for (const std::string_view signal : boards_.back()->signal_names()) {
@@ -108,6 +115,9 @@ void Emulator::deliver(const can::CanFrame& frame) {
 void Emulator::run_timers_before(Instant limit) {
   for (Instant due = next_deadline(); due < limit; due = next_deadline()) {
     advance(std::max(due, now_));
+    for (; next_change_ < material_changes_.size() && material_changes_[next_change_].at <= now_; ++next_change_) {
+      plant_->change_polymer(material_changes_[next_change_].polymer);
+    }
     for (std::size_t i = 0; i < boards_.size(); ++i) {
       if (boards_[i]->next_deadline() > now_) continue;
       boards_[i]->on_time(now_, frames_);
@@ -155,7 +165,7 @@ void Emulator::tell_others() {
 }
 
 Instant Emulator::next_deadline() const {
-  Instant next = Instant::never();
+  Instant next = next_change_ < material_changes_.size() ? material_changes_[next_change_].at : Instant::never();
   for (const auto& board : boards_) next = std::min(next, board->next_deadline());
   return next;
 }

@@ -25,14 +25,15 @@ struct BoardSettings {
   std::string name;
   std::uint8_t node_id = 0;
   std::shared_ptr<const canopen::ObjectDictionary> dictionary;  ///< Of its EDS, for this node id.
-  std::variant<board::FeederSettings, board::ScrewDriveSettings, board::MeltPressureSettings,
+  std::variant<board::FeederSettings, board::ScrewDriveSettings, board::MeltPressureSettings, board::HeaterSettings,
                board::PreconditionerSettings, board::MeltCameraSettings>
       firmware;
 };
 
 struct EmulatorSettings {
   PlantSettings plant;
-  std::vector<BoardSettings> boards;  ///< At most one of each kind.
+  std::vector<BoardSettings> boards;             ///< At most one of each kind.
+  std::vector<MaterialChange> material_changes;  ///< In the order of time.
 };
 
 /// Reads [plant] (plant_settings.hpp) and the emulator's part of every [board.NAME] (board/settings.hpp); the EDS files
@@ -77,6 +78,8 @@ class Emulator final : public Participant {
   std::unique_ptr<Plant> plant_;
   std::vector<std::unique_ptr<board::Board>> boards_;
   std::vector<SignalInfo> signals_;
+  std::vector<MaterialChange> material_changes_;
+  std::size_t next_change_ = 0;
   bool started_ = false;
   Instant now_{};
   canopen::Frames frames_;            // Sent in this wake-up,

@@ -21,6 +21,10 @@ std::vector<SignalInfo> make_melt_signals() {
   return signals;
 }
 
+double x_of_point(std::size_t point, double length_m) {
+  return length_m * static_cast<double>(point) / static_cast<double>(kProfilePoints - 1);
+}
+
 /// What happened, and what it means.
 std::pair<std::string_view, std::string_view> describe(plant::MeltStatus status) {
   switch (status) {
@@ -59,9 +63,18 @@ void read_melt_signals(const plant::MeltFront& melt, double length_m, double fro
                                              melt.energy_stored_m(),
                                              melt.energy_residual_m()};
   std::copy(scalars.begin(), scalars.end(), values.begin());
-  for (std::size_t i = 0; i < kProfilePoints; ++i) {
-    values[kScalars + i] = melt.T_degC(length_m * static_cast<double>(i) / (kProfilePoints - 1));
-  }
+  for (std::size_t i = 0; i < kProfilePoints; ++i) values[kScalars + i] = melt.T_degC(x_of_point(i, length_m));
+}
+
+void read_standing_signals(const std::function<double(double x_m)>& T_at, double length_m, double front_m,
+                           std::span<double> values) {
+  constexpr double kNothing = board::Process::kNothing;
+  const std::array<double, kScalars> scalars{
+      front_m,  0.0,      T_at(0.0), T_at(length_m),
+      0.0,      kNothing, kNothing,  static_cast<double>(plant::MeltStatus::kRunning),
+      kNothing, kNothing};
+  std::copy(scalars.begin(), scalars.end(), values.begin());
+  for (std::size_t i = 0; i < kProfilePoints; ++i) values[kScalars + i] = T_at(x_of_point(i, length_m));
 }
 
 void MeltStatusReport::tell(plant::MeltStatus status, Instant now, Outbox& out) {

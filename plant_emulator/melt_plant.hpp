@@ -1,6 +1,7 @@
 #pragma once
 /// [plant] kind = "melt": the melting extruder of [K19] alone, its barrel at one constant temperature.
 
+#include <functional>
 #include <vector>
 
 #include "plant_emulator/model/melt_column.hpp"
@@ -32,6 +33,10 @@ inline constexpr std::size_t kProfilePoints = 41;
 /// @param front_m, flux  as of the instant of the recording.
 void read_melt_signals(const plant::MeltFront& melt, double length_m, double front_m, double flux_W_per_m2,
                        std::span<double> values);
+/// Without a melt front to speak of: the temperatures alone, and what has no meaning is not a number.
+/// @param T_at  temperature at x.
+void read_standing_signals(const std::function<double(double x_m)>& T_at, double length_m, double front_m,
+                           std::span<double> values);
 
 /// Tells once when the equations stop describing the extruder.
 class MeltStatusReport {

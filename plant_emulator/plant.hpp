@@ -4,6 +4,7 @@
 #include <span>
 
 #include "plant_emulator/board/board.hpp"
+#include "plant_emulator/model/polymer.hpp"
 #include "protocols/participant/participant.hpp"
 
 namespace meltbench::emulator {
@@ -20,6 +21,9 @@ class Plant : public board::Process {
   [[nodiscard]] virtual std::span<const SignalInfo> signals() const = 0;
   /// As of the last settle(), in the order of signals().
   virtual void read_signals(std::span<double> values) const = 0;
+
+  /// The barrel holds another polymer from now on. Plants that know but one take no notice.
+  virtual void change_polymer(const plant::Polymer& /*polymer*/) {}
 
   /// Says what has happened to the material since the last call.
   virtual void report(Instant now, Outbox& out) = 0;

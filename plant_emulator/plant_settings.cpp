@@ -20,16 +20,20 @@ plant::FluctuationPlace read_place(const Section& section) {
       {{"screw", plant::FluctuationPlace::kScrew}, {"slip", plant::FluctuationPlace::kSlip}});
 }
 
-BizoneParameters read_bizone(const Section& section) {
+/// @param base  defaults of everything that is not the preset's or the case's.
+BizoneParameters read_bizone(const Section& section, plant::FluctuationCase usual_case, const BizoneParameters& base) {
   const auto preset = section.choice_or<plant::Preset>("preset", plant::Preset::kSlow,
                                                        {{"paper", plant::Preset::kPaper},
                                                         {"slow", plant::Preset::kSlow},
                                                         {"phys", plant::Preset::kPhys},
                                                         {"rad", plant::Preset::kRad}});
   const auto fluctuation = section.choice_or<plant::FluctuationCase>(
-      "fluctuation_case", plant::FluctuationCase::kA,
+      "fluctuation_case", usual_case,
       {{"none", plant::FluctuationCase::kNone}, {"A", plant::FluctuationCase::kA}, {"B", plant::FluctuationCase::kB}});
   BizoneParameters p = plant::make_parameters(preset, fluctuation);
+  p.density_kg_per_m3 = base.density_kg_per_m3;
+  p.viscosity_Pa_s = base.viscosity_Pa_s;
+  p.x0_m = base.x0_m;
   p.fluctuation_place = read_place(section);
   p.delay_reading = section.choice_or<plant::DelayReading>(
       "delay_model", p.delay_reading,
@@ -58,8 +62,7 @@ BizoneParameters read_bizone(const Section& section) {
   return p;
 }
 
-board::PlantRates calc_rates(const Section& section, const BizoneParameters& p) {
-  const double nominal_x_m = section.number_or("nominal_x_m", 0.8 * p.length_m, config::inside(0, p.length_m));
+board::PlantRates calc_rates(const BizoneParameters& p, double nominal_x_m) {
   return {.start_flow_kg_per_h = p.holding_feed_kg_per_s(p.x0_m) * kSecondsPerHour,
           .hold_flow_kg_per_h = p.holding_feed_kg_per_s(nominal_x_m) * kSecondsPerHour,
           .throat_flow_kg_per_h = p.mass_per_length_kg_per_m() * p.speed_m_per_s * kSecondsPerHour,
@@ -124,16 +127,99 @@ board::PlantRates calc_rates(const MeltPlantSettings& p) {
   return rates;
 }
 
+plant::BarrelParameters read_barrel(const Section& section) {
+  auto barrel = plant::BarrelParameters::with_zones(
+      static_cast<std::size_t>(section.integer_or("barrel_zones", 4, config::between(1, 4))));
+  const plant::HeatedZone usual;
+  const double capacity = section.number_or("zone_heat_capacity_J_per_K", usual.heat_capacity_J_per_K, above(0));
+  const double power_W = section.number_or("zone_power_W", usual.max_power_W, config::at_least(0));
+  for (plant::HeatedZone& zone : barrel.zones) {
+    zone.heat_capacity_J_per_K *= capacity / usual.heat_capacity_J_per_K;
+    zone.max_power_W *= power_W / usual.max_power_W;
+  }
+  barrel.T_ambient_degC = section.number_or("T_ambient_degC", barrel.T_ambient_degC, config::between(-50, 100));
+  return barrel;
+}
+
+plant::ExtruderParameters read_coupled(const Section& section, double nominal_x_m) {
+  plant::ExtruderParameters p;
+  p.starts_cold = section.choice_or("start", "running", {"running", "cold"}) == "cold";
+  p.polymer = plant::make_polymer(read_material(section), read_barrel_exchange(section, 9e4));
+  p.set_polymer(p.polymer);
+  p.bizone.x0_m = p.starts_cold ? 0.0 : nominal_x_m;
+  p.bizone = read_bizone(section, plant::FluctuationCase::kNone, p.bizone);
+  p.polymer.viscosity.at_reference_Pa_s = p.bizone.viscosity_Pa_s;
+  plant::MeltParameters& melt = p.polymer.melt;
+  melt.length_m = p.bizone.length_m;
+  melt.nozzle_flux_W_per_m2 = section.number_or("nozzle_flux_W_per_m2", melt.nozzle_flux_W_per_m2);
+  p.barrel = read_barrel(section);
+  const double end_m = plant::MeltFront::kMinLength_m;
+  p.start_front_m = section.number_or("front0_m", p.start_front_m, config::inside(end_m, melt.length_m - end_m));
+  p.T_zone_start_degC = section.number_or("T_zone0_degC", melt.T_melt_degC + 10, config::between(-50, 400));
+  p.throat_m = section.number_or("throat_m", p.throat_m, config::from_below(0, melt.length_m));
+  p.T_throat_degC = section.number_or("T_throat_degC", p.T_throat_degC, config::between(-50, 400));
+  p.clogging_m = section.number_or("clogging_m", p.clogging_m, above(0));
+  p.numerics.grid_speed_m_per_s = p.bizone.speed_m_per_s;
+  read_numerics(section, p.numerics);
+  try {
+    p.check();
+  } catch (const std::invalid_argument& error) {
+    section.fail_here(error.what());
+  }
+  return p;
+}
+
+board::PlantRates calc_rates(const plant::ExtruderParameters& p, double nominal_x_m) {
+  board::PlantRates rates = calc_rates(p.bizone, nominal_x_m);
+  rates.barrel_zones = p.barrel.zone_count - 1;
+  rates.starts_cold = p.starts_cold;
+  if (p.starts_cold) return rates;
+  const plant::Extruder extruder{p};
+  rates.start_flux_W_per_m2 = extruder.inlet_flux().now_W_per_m2;
+  const std::size_t zones = p.barrel.zone_count;
+  for (std::size_t i = 0; i < zones; ++i) {
+    const std::size_t channel = i + 1 == zones ? rates.zones.size() - 1 : i;
+    const double power_W = p.barrel.zones[i].max_power_W;
+    rates.zones.at(channel) = {p.T_zone_start_degC, power_W > 0 ? extruder.barrel().heater_W(i) / power_W : 0.0};
+  }
+  return rates;
+}
+
 }  // namespace
 
 PlantReading read_plant(const Section& section) {
-  const std::string kind = section.choice_or("kind", "bizone", {"bizone", "melt"});
+  const std::string kind = section.choice_or("kind", "bizone", {"bizone", "melt", "coupled"});
   if (kind == "melt") {
     const MeltPlantSettings plant = read_melt(section);
     return {plant, calc_rates(plant)};
   }
-  const BizoneParameters plant = read_bizone(section);
-  return {plant, calc_rates(section, plant)};
+  const double length_m = section.number_or("length_m", BizoneParameters{}.length_m, above(0));
+  const double nominal_x_m =
+      section.number_or("nominal_x_m", (kind == "bizone" ? 0.8 : 0.4) * length_m, config::inside(0, length_m));
+  if (kind == "coupled") {
+    const plant::ExtruderParameters plant = read_coupled(section, nominal_x_m);
+    return {plant, calc_rates(plant, nominal_x_m)};
+  }
+  const BizoneParameters plant = read_bizone(section, plant::FluctuationCase::kA, {});
+  return {plant, calc_rates(plant, nominal_x_m)};
+}
+
+std::vector<MaterialChange> read_material_changes(const std::vector<config::TimelineEvent>& events,
+                                                  const PlantSettings& plant) {
+  std::vector<MaterialChange> changes;
+  for (const config::TimelineEvent& event : events) {
+    if (event.action != "material")
+      event.section.fail("action", "must be \"material\"", "what else happens to a plant?");
+    const auto* extruder = std::get_if<plant::ExtruderParameters>(&plant);
+    if (extruder == nullptr) {
+      event.section.fail("action", "needs a plant of kind = \"coupled\"", "the others know but one material");
+    }
+    static_cast<void>(event.section.text("material"));  // Here it has no default.
+    const double exchange = extruder->polymer.melt.solid.barrel_exchange_W_per_m3K;
+    changes.push_back({event.at, plant::make_polymer(read_material(event.section), exchange)});
+    event.section.finish();
+  }
+  return changes;
 }
 
 }  // namespace meltbench::emulator

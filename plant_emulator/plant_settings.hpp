@@ -2,15 +2,19 @@
 /// Reading [plant]: which extruder it is, and everything constant about it.
 
 #include <variant>
+#include <vector>
 
 #include "plant_emulator/board/settings.hpp"
+#include "plant_emulator/coupled_plant.hpp"
 #include "plant_emulator/melt_plant.hpp"
 #include "plant_emulator/model/bizone_parameters.hpp"
+#include "plant_emulator/model/extruder.hpp"
+#include "protocols/config/rig.hpp"
 #include "protocols/config/section.hpp"
 
 namespace meltbench::emulator {
 
-using PlantSettings = std::variant<plant::BizoneParameters, MeltPlantSettings>;
+using PlantSettings = std::variant<plant::BizoneParameters, MeltPlantSettings, plant::ExtruderParameters>;
 
 struct PlantReading {
   PlantSettings plant;
@@ -48,7 +52,33 @@ struct PlantReading {
 /// - solid_cells, liquid_cells  8..2000 (100, 40)
 /// - max_travel_m               > 0 (1e-4)                a step of the solver conveys at most so much
 ///
+/// [plant] kind = "coupled": the keys of "bizone" (delay_model transport only; density and viscosity from the material,
+/// fluctuation_case none by default, x0_m at nominal_x_m or, cold, 0, nominal_x_m 0.08), those of "melt" that are not
+/// the barrel's or the start's (preset is the one of "bizone"), and
+/// - barrel_exchange_W_per_m3K  >= 0 (9e4)                hbar
+/// - start                      running | cold (running)  in production at rest, or everything at T_ambient_degC
+/// - front0_m                   inside the barrel (0.08)  for start = running
+/// - T_zone0_degC               (T_m + 10)                all zones, for start = running
+/// - barrel_zones               1..4 (4)                  and the nozzle
+/// - zone_heat_capacity_J_per_K > 0 (600)                 of a zone; the nozzle has a third of it
+/// - zone_power_W               >= 0 (500)                of a zone's band; the nozzle's has a third of it
+/// - T_ambient_degC             -50..100 (25)
+/// - throat_m                   0..length (0.02)          cooled feed throat
+/// - T_throat_degC              -50..400 (60)
+/// - clogging_m                 > 0 (0.02)                solid this far into the filled zone closes the nozzle
+///
 /// @throws config::ConfigError for a value out of range.
 [[nodiscard]] PlantReading read_plant(const config::Section& section);
+
+/// [[event]] target = "plant": action = "material" with `material`, at at_s.
+struct MaterialChange {
+  Instant at;
+  plant::Polymer polymer;
+};
+
+/// Changes of the material in the timeline, in the order of time.
+/// @throws config::ConfigError for another action, and for a plant that knows but one polymer.
+[[nodiscard]] std::vector<MaterialChange> read_material_changes(const std::vector<config::TimelineEvent>& events,
+                                                                const PlantSettings& plant);
 
 }  // namespace meltbench::emulator

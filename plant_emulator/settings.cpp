@@ -46,7 +46,12 @@ BoardSettings read_board(const config::RigBoard& board, const board::PlantRates&
       settings.firmware = board::read_melt_camera_settings(board.section);
       break;
     case BoardKind::kHeater:
-      board.section.fail("kind", "is not emulated yet");
+      if (rates.barrel_zones == 0) {
+        board.section.fail("kind", "must not be \"heater\": this plant has a barrel of one constant temperature",
+                           "[plant] kind = \"coupled\" has heated zones");
+      }
+      settings.firmware = board::read_heater_settings(board.section, rates);
+      break;
   }
   board.section.finish();
   return settings;
@@ -56,7 +61,8 @@ BoardSettings read_board(const config::RigBoard& board, const board::PlantRates&
 
 EmulatorSettings read_settings(const config::Section& root, const config::Rig& rig) {
   const PlantReading plant = read_plant(root.section_or_empty("plant"));
-  EmulatorSettings settings{plant.plant, {}};
+  EmulatorSettings settings{plant.plant, {}, {}};
+  settings.material_changes = read_material_changes(config::read_events(root, rig, "plant"), settings.plant);
   std::array<const config::RigBoard*, config::kBoardKinds> of_kind{};
   for (const config::RigBoard& board : rig.boards) {
     const config::RigBoard*& first = of_kind.at(static_cast<std::size_t>(board.kind));
@@ -67,7 +73,7 @@ EmulatorSettings read_settings(const config::Section& root, const config::Rig& r
     first = &board;
     settings.boards.push_back(read_board(board, plant.rates));
     try {
-      const Emulator trial{{settings.plant, {settings.boards.back()}}, 0};
+      const Emulator trial{{settings.plant, {settings.boards.back()}, {}}, 0};
     } catch (const std::exception& error) {
       board.section.fail("eds", fmt::format("must describe a {}: {}", config::name_of(board.kind), error.what()),
                          "fixtures/boards/ has one of each kind");

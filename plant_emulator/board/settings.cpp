@@ -46,7 +46,7 @@ ScrewDriveSettings read_screw_drive_settings(const config::Section& section, con
   settings.sample_time = read_firmware_time(section, "sample_time_ms", 1, 0.01, 100);
   settings.increments_per_rev =
       static_cast<std::uint32_t>(section.integer_or("increments_per_rev", 65536, between(1, 1 << 24)));
-  settings.warm_start = section.boolean_or("warm_start", true);
+  settings.warm_start = section.boolean_or("warm_start", !plant.starts_cold);
   settings.nominal_rev_per_s = plant.screw_rev_per_s;
   settings.ramp_rpm_per_s = section.number_or("ramp_rpm_per_s", 100, between(0, 1e6, "0 = jump"));
   settings.quick_stop_rpm_per_s = section.number_or("quick_stop_rpm_per_s", 500, between(0, 1e6, "0 = jump"));
@@ -101,7 +101,7 @@ HeaterSettings read_heater_settings(const config::Section& section, const PlantR
       section.number_or("autotune_hysteresis_K", settings.autotune_hysteresis_K, between(0.05, 20));
   settings.watchdog_ms = static_cast<std::uint16_t>(
       section.integer_or("watchdog_ms", 1000, between(0, 65535, "a second is nothing to a barrel; 0 = no watchdog")));
-  settings.warm_start = section.boolean_or("warm_start", plant.zones_are_warm);
+  settings.warm_start = section.boolean_or("warm_start", !plant.starts_cold);
   return settings;
 }
 

@@ -22,12 +22,12 @@ struct PlantRates {
   double screw_rev_per_s = 0;       ///< Nominal screw speed.
   double start_flux_W_per_m2 = 0;   ///< At the inlet: keeps the melting front where the run starts.
   std::size_t barrel_zones = 0;     ///< Heated zones of the barrel, 0..4. With any there is a heated nozzle as well.
-  /// What keeps zones and nozzle where the run starts; not warm: they start cold, and off.
+  bool starts_cold = false;         ///< Nothing is heated and nothing turns at the start.
+  /// What keeps zones and nozzle where the run starts, by channel of the heater.
   struct Zone {
     double T_degC = 0;
     double heater_share = 0;
   };
-  bool zones_are_warm = false;
   std::array<Zone, 5> zones{};
 };
 
@@ -62,7 +62,7 @@ struct FeederSettings {
 /// [board.NAME] with kind = "screw_drive". Key, range, (default), what:
 /// - sample_time_ms        0.01..100 (1)     cycle of the speed ramp
 /// - increments_per_rev    1..2^24 (65536)   encoder increments per screw turn; object 608F
-/// - warm_start            (true)            powers up in Operation enabled and turns at nominal speed: the run starts
+/// - warm_start            (unless cold)     powers up in Operation enabled and turns at nominal speed: the run starts
 ///                                           in the middle of production, as the published simulations do
 /// - ramp_rpm_per_s        >= 0 (100)        acceleration and deceleration at power-up; 0 = jump; objects 6048, 6049
 /// - quick_stop_rpm_per_s  >= 0 (500)        deceleration of quick stop and fault reaction; objects 604A, 6085
@@ -150,7 +150,7 @@ struct MeltCameraSettings {
 /// - supervision_K         0.1..100 (2)         by so much; objects 2104
 /// - autotune_hysteresis_K 0.05..20 (0.3)       of the relay that tries the zone out
 /// - watchdog_ms           0..65535 (1000)      no set points for so long: all off, 0 = off; object 2006
-/// - warm_start            (the plant's)        powers up in control of zones that are warm already
+/// - warm_start            (unless cold)        powers up in control of zones that are warm already
 struct HeaterSettings {
   std::size_t barrel_zones = 4;  ///< From the plant; no key.
   Nanos sample_time = 100ms;

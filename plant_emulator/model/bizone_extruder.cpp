@@ -46,6 +46,19 @@ void BizoneExtruder::set_speed_m_per_s(double speed_m_per_s) {
   clock_.set_speed(t_, speed);
 }
 
+void BizoneExtruder::set_nozzle_kg(double nozzle_kg) {
+  auto* parcels = std::get_if<ParcelPlant>(&plant_);
+  if (parcels == nullptr) return;
+  parameters_.nozzle_kg = nozzle_kg;
+  parcels->set_theta2_per_m(parameters_.theta2_per_m());
+}
+
+void BizoneExtruder::set_density_kg_per_m3(double density_kg_per_m3) {
+  if (!std::holds_alternative<ParcelPlant>(plant_)) return;
+  parameters_.density_kg_per_m3 = density_kg_per_m3;
+  set_nozzle_kg(parameters_.nozzle_kg);
+}
+
 void BizoneExtruder::advance_to(Instant to) {
   if (to <= now_) return;
   const double t_end = to_s(to);
@@ -83,6 +96,11 @@ double BizoneExtruder::encoder_m() const {
                                                                    : clock_.nominal_conveyed_m(t_);
 }
 
+double BizoneExtruder::encoder_m_per_s() const {
+  return parameters_.fluctuation_place == FluctuationPlace::kScrew ? clock_.speed_m_per_s(t_)
+                                                                   : clock_.nominal_speed_m_per_s();
+}
+
 double BizoneExtruder::flow_kg_per_s() const {
   return parameters_.mass_per_length_kg_per_m() * clock_.speed_m_per_s(t_) * parameters_.outflow_ratio(x_m());  // (D5)
 }
@@ -97,7 +115,7 @@ BizoneOutputs BizoneExtruder::outputs() const {
   out.speed_m_per_s = c;
   out.conveyed_m = clock_.conveyed_m(t_);
   out.encoder_m = encoder_m();
-  out.encoder_m_per_s = parameters_.fluctuation_place == FluctuationPlace::kScrew ? c : clock_.nominal_speed_m_per_s();
+  out.encoder_m_per_s = encoder_m_per_s();
   out.feed_kg_per_s = feed_kg_per_s_;
   out.U = c > 0.0 ? std::min(feed_kg_per_s_ / (parameters_.mass_per_length_kg_per_m() * c), kMaxFillRatio) : 0.0;
   out.flow_kg_per_s = flow_kg_per_s();

@@ -54,6 +54,12 @@ class BizoneExtruder {
   void set_screw_rev_per_s(double N_rev_per_s) { set_speed_m_per_s(N_rev_per_s * parameters_.pitch_m); }
   /// Viscosity eta of the melt in the nozzle from now() on. @pre > 0.
   void set_viscosity_Pa_s(double viscosity_Pa_s) { parameters_.viscosity_Pa_s = viscosity_Pa_s; }
+  /// Conductance Kd of the nozzle from now() on, and with it theta2. Transport reading only; the paper reading has one
+  /// for ever. @pre > 0.
+  void set_nozzle_kg(double nozzle_kg);
+  /// Density rho0 from now() on, and with it theta2, as set_nozzle_kg(): the channel is as full as before, of another
+  /// polymer. @pre > 0.
+  void set_density_kg_per_m3(double density_kg_per_m3);
 
   /// Moves on to the instant `to`; earlier than now() does nothing.
   void advance_to(Instant to);
@@ -61,12 +67,17 @@ class BizoneExtruder {
   [[nodiscard]] Instant now() const { return now_; }
   /// Everything, at now(). About 0.1 us: the delay is solved for here.
   [[nodiscard]] BizoneOutputs outputs() const;
+  /// Metres conveyed at now() by the material, (D3).
+  [[nodiscard]] double conveyed_m() const { return clock_.conveyed_m(t_); }
   /// Filled length at now() alone.
   [[nodiscard]] double x_m() const;
   /// Position of an encoder on the screw at now() [m of conveyed length].
   [[nodiscard]] double encoder_m() const;
+  /// Its rate.
+  [[nodiscard]] double encoder_m_per_s() const;
   /// Pressure over the nozzle at now() [Pa].
   [[nodiscard]] double pressure_Pa() const;
+  /// As they are now.
   [[nodiscard]] const BizoneParameters& parameters() const { return parameters_; }
 
   static constexpr int kMaxSubsteps = 256;  ///< Per call of advance_to().

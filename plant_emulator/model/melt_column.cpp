@@ -5,7 +5,15 @@ namespace meltbench::plant {
 void MeltColumn::place(Instant at, double conveyed_m) {
   solved_to_ = at;
   conveyed_m_ = conveyed_m;
+  held_ = false;
   flux_.now_W_per_m2 = melt_.inlet_flux_W_per_m2();
+}
+
+void MeltColumn::hold(Instant at) {
+  flux_ = flux(at);
+  flux_.now_W_per_m2 = 0;
+  solved_to_ = at;
+  held_ = true;
 }
 
 void MeltColumn::catch_up(Instant to, double conveyed_m, const MeltBarrel& barrel) noexcept {

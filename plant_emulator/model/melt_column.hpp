@@ -21,6 +21,14 @@ class MeltColumn {
 
   /// As if it had been solved to this instant and place, without solving: after a start.
   void place(Instant at, double conveyed_m);
+  /// The screw stands: nothing passes the preconditioner, so its flux goes nowhere until the next place().
+  void hold(Instant at);
+  /// Held, with the sums of a predecessor.
+  void resume(Instant at, const InletFlux& flux) {
+    flux_ = flux;
+    solved_to_ = at;
+    hold(at);
+  }
 
   /// Solves up to `to`, when the screw has conveyed `conveyed_m`. Earlier than solved_to() does nothing.
   void catch_up(Instant to, double conveyed_m, const MeltBarrel& barrel) noexcept;
@@ -36,12 +44,13 @@ class MeltColumn {
   [[nodiscard]] InletFlux flux(Instant at) const;
 
  private:
-  [[nodiscard]] bool runs() const { return melt_.status() == MeltStatus::kRunning; }
+  [[nodiscard]] bool runs() const { return !held_ && melt_.status() == MeltStatus::kRunning; }
 
   MeltFront melt_;
   MeltInlet inlet_ = MeltInlet::flux(0);
   Instant solved_to_{};
   double conveyed_m_ = 0;
+  bool held_ = false;
   InletFlux flux_;  // Up to solved_to_.
 };
 

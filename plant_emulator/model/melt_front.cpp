@@ -109,6 +109,28 @@ void MeltFront::start_steady(const MeltSteadyState& steady) {
   energy_at_start_m_ = energy_content_m();
 }
 
+void MeltFront::start_profile(double front_m, std::span<const double> T_degC) {
+  restart(front_m);
+  if (T_degC.size() < 2) throw std::invalid_argument("melt front: a profile needs two temperatures");
+  const auto at = [&](double x_m) {
+    const double place = x_m / parameters_.length_m * static_cast<double>(T_degC.size() - 1);
+    const auto left = std::min(static_cast<std::size_t>(place), T_degC.size() - 2);
+    const double share = place - static_cast<double>(left);
+    return (1.0 - share) * T_degC[left] + share * T_degC[left + 1];
+  };
+  const double T_m = parameters_.T_melt_degC;
+  std::vector<double> T;
+  for (const double xi : solid_nodes()) T.push_back(std::min(at(front_m * xi), T_m));
+  T.back() = T_m;
+  solid_->set_T_degC(T);
+  T.clear();
+  const double length = parameters_.length_m - front_m;
+  for (const double eta : liquid_nodes()) T.push_back(std::max(at(front_m + length * eta), T_m));
+  T.front() = T_m;
+  liquid_.set_T_degC(T);
+  energy_at_start_m_ = energy_content_m();
+}
+
 void MeltFront::restart(double front_m) {
   if (!(front_m > kMinLength_m && front_m < parameters_.length_m - kMinLength_m)) {
     throw std::invalid_argument(fmt::format("melt front: start at {} m, must be in ({}, {})", front_m, kMinLength_m,

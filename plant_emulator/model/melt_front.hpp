@@ -80,6 +80,9 @@ class MeltFront {
   void start_linear(double front_m, double T_inlet_degC);
   /// Starts on the given steady state. @pre as above.
   void start_steady(const MeltSteadyState& steady);
+  /// Starts on temperatures at equidistant places from inlet to nozzle, first and last included, linear between.
+  /// Granules above T_m start at T_m, melt below it as well. @pre as above, and at least two temperatures.
+  void start_profile(double front_m, std::span<const double> T_degC);
 
   /// Moves time on by dt >= 0, in equal internal steps. Returns the status after it.
   MeltStatus advance(double dt_s, const MeltInput& input) noexcept;

@@ -35,6 +35,8 @@ class ParcelPlant {
   /// Conveys up to `to` with inlet filling ratio U held.
   /// @pre to.s_m >= the previous one (equal: nothing moves, nothing enters); 0 <= U <= kMaxFillRatio.
   void advance(ClockPoint to, double U);
+  /// From now on. (D8) is of first order in y, so a new theta2 goes on from the x that has been reached. @pre > 0.
+  void set_theta2_per_m(double theta2_per_m) { theta2_ = theta2_per_m; }
 
   [[nodiscard]] double x_m() const { return x_; }
   /// Filling ratio of the material that now reaches the filled zone.
