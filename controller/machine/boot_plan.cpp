@@ -102,7 +102,7 @@ BootPlan make_melt_pressure_plan(const ControllerSettings& settings) {
   BootPlan plan = make_common_plan(settings, board);
   append_pdo(plan, board.node_id, canopen::PdoDirection::kTransmit, kSampleTpdo, kEverySync,
              {{kPressure, 32}, {kStatus, 8}, {kAge, 16}});
-  if (settings.viscosity_per_K > 0.0) {
+  if (settings.viscosity.per_K > 0.0) {
     append_pdo(plan, board.node_id, canopen::PdoDirection::kTransmit, kMeltTpdo, kEverySync,
                {{kMeltTemperature, 32}, {kMeltStatus, 8}});
   }

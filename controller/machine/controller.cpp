@@ -146,6 +146,7 @@ void Controller::obey(Instant now, const Order& order, Outbox& out) {
     case Order::Kind::kMaterial: {
       const MaterialSettings& material = settings_.materials[order.index];
       melt_->set_material(material);
+      if (feed_) feed_->set_material(material);
       if (zones_) zones_->set_barrel(material.T_barrel_degC);
       return out.report(Severity::kInfo, now, "material",
                         fmt::format("{}: barrel goes to {:.4g} C, melting front to {:.4g} m", material.name,

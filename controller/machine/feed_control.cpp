@@ -53,7 +53,19 @@ FeedControl::FeedControl(const ControllerSettings& settings)
       safe_feeds_{!settings.sequence} {}
 
 void FeedControl::connect(const BusManager& bus) {
-  loop_ = std::make_unique<LengthLoop>(settings_, collect_facts(settings_, bus));
+  facts_ = collect_facts(settings_, bus);
+  make_loop();
+}
+
+void FeedControl::make_loop() {
+  loop_ = std::make_unique<LengthLoop>(settings_, facts_);
+  loop_->select_set_point(set_point_);
+}
+
+void FeedControl::set_material(const MaterialSettings& material) {
+  settings_.model = material.filled;
+  settings_.viscosity = material.viscosity;
+  make_loop();
 }
 
 bool FeedControl::take(const can::CanFrame& frame, Instant sync_at) {
@@ -86,9 +98,9 @@ bool FeedControl::take(const can::CanFrame& frame, Instant sync_at) {
 
 unsigned FeedControl::close_cycle(const std::optional<ScrewSample>& screw) {
   const unsigned missed = (feed_ ? 0U : 1U) + (pressure_ ? 0U : 1U);
-  if (T_melt_degC_ && settings_.viscosity_per_K > 0.0) {
-    const double colder_K = settings_.viscosity_at_degC - *T_melt_degC_;
-    loop_->note_viscosity(settings_.model.viscosity_Pa_s * std::exp(settings_.viscosity_per_K * colder_K));
+  if (T_melt_degC_ && settings_.viscosity.per_K > 0.0) {
+    const double colder_K = settings_.viscosity.at_degC - *T_melt_degC_;
+    loop_->note_viscosity(settings_.model.viscosity_Pa_s * std::exp(settings_.viscosity.per_K * colder_K));
   }
   if (screw) loop_->add(*screw);  // First: feed and pressure are placed by the screw's clock and speed.
   if (feed_) loop_->add(*feed_);

@@ -44,6 +44,8 @@ class FeedControl {
   /// The feed of the safe state; repeated every cycle, for the feeder's watchdog.
   void go_safe(Instant now, Outbox& out);
 
+  /// Another polymer is in the screw: model, and laws that begin anew.
+  void set_material(const MaterialSettings& material);
   void start_empty() { loop_->start_empty(); }
   void stop() { loop_->stop(); }
 
@@ -60,6 +62,7 @@ class FeedControl {
   [[nodiscard]] std::optional<double> T_melt_degC() const { return T_melt_degC_; }
 
  private:
+  void make_loop();
   void send_flow(Instant now, double flow_kg_per_s, Outbox& out);
 
   ControllerSettings settings_;
@@ -67,6 +70,7 @@ class FeedControl {
   std::size_t set_point_ = 0;  // Index of the one in force.
   std::uint8_t feeder_id_;
   std::uint8_t pressure_id_;
+  BoardFacts facts_;
   std::unique_ptr<LengthLoop> loop_;
   std::optional<FeedSample> feed_;  // Since the last cycle was closed.
   std::optional<PressureSample> pressure_;

@@ -64,27 +64,40 @@ double read_shared_number(const Section& model, const Section& plant, std::strin
   return model.number_or(key, fallback, range);
 }
 
-/// A plant of another kind has no say in this model.
-bool is_bizone(const Section& plant) {
-  return !plant.has("kind") || plant.text("kind") != "melt";
+/// Which extruder the rig emulates; it has no say in the models of another one.
+bool is_plant(const Section& plant, std::string_view kind) {
+  return plant.has("kind") ? plant.text("kind") == kind : kind == "bizone";
+}
+
+/// Density and mass per length of the melt, and all that follows from them.
+void set_melt_density(law::BizoneModel& model, double density_kg_per_m3, double pressure_flow_m4, double area_m2) {
+  model.theta2_per_m = model.nozzle_kg / (pressure_flow_m4 * density_kg_per_m3);
+  model.mass_per_length_kg_per_m = density_kg_per_m3 * area_m2;
+}
+
+std::string read_material_name(const Section& section, const Section& plant) {
+  return read_shared_choice(section, plant, "material", "hdpe", {"hdpe", "pla", "ldpe"});
 }
 
 void read_model(const Section& model, const Section& rig_plant, ControllerSettings& settings) {
-  const Section plant = is_bizone(rig_plant) ? rig_plant : Section{};
+  const Section plant = is_plant(rig_plant, "melt") ? Section{} : rig_plant;
+  const bool coupled = is_plant(rig_plant, "coupled");
   const Preset& preset =
       find_row(kPresets, read_shared_choice(model, plant, "preset", "slow", {"paper", "slow", "phys", "rad"}));
-  const Fluctuation& fluctuation =
-      find_row(kFluctuations, read_shared_choice(model, plant, "fluctuation_case", "A", {"none", "A", "B"}));
+  const Fluctuation& fluctuation = find_row(
+      kFluctuations, read_shared_choice(model, plant, "fluctuation_case", coupled ? "none" : "A", {"none", "A", "B"}));
 
   law::BizoneModel& m = settings.model;
   constexpr double kDensity_kg_per_m3 = 1240.0, kPressureFlow_m4 = 9.345e-9, kArea_m2 = 2.2383097e-4;
-  const double density = model.number_or("density_kg_per_m3", kDensity_kg_per_m3, config::above(0));
+  const double melt_density =
+      coupled ? law::find_melt_material(read_material_name(Section{}, plant), 0.0)->liquid.density_kg_per_m3
+              : kDensity_kg_per_m3;
+  const double density = model.number_or("density_kg_per_m3", melt_density, config::above(0));
   const double pressure_flow = model.number_or("pressure_flow_m4", kPressureFlow_m4, config::above(0));
   m.length_m = model.number_or("length_m", m.length_m, config::above(0));
   m.nozzle_kg = model.number_or("nozzle_kg", m.nozzle_kg, config::above(0));
   m.viscosity_Pa_s = model.number_or("viscosity_Pa_s", m.viscosity_Pa_s, config::above(0));
-  m.theta2_per_m = m.nozzle_kg / (pressure_flow * density);
-  m.mass_per_length_kg_per_m = density * model.number_or("area_m2", kArea_m2, config::above(0));
+  set_melt_density(m, density, pressure_flow, model.number_or("area_m2", kArea_m2, config::above(0)));
   m.speed_m_per_s = model.number_or("speed_m_per_s", preset.speed_m_per_s, config::above(0));
   m.fluctuation = read_shared_number(model, plant, "epsilon", fluctuation.epsilon, config::from_below(0, 1));
   m.fluctuation_rad_per_s = read_shared_number(model, plant, "omega_rad_per_s",
@@ -179,9 +192,6 @@ void read_law(const Section& controller, ControllerSettings& settings) {
                                           "more than what holds the set point, less than a full channel"));
   settings.time_stamped = controller.boolean_or("time_stamped", settings.time_stamped);
   settings.law_starts_at = Instant{controller.duration_or("law_starts_at_s", 0)};
-  settings.viscosity_per_K = controller.number_or("viscosity_per_K", 0.0, config::at_least(0));
-  settings.viscosity_at_degC = controller.number_or(
-      "viscosity_at_degC", settings.melt ? settings.melt->T_barrel_degC : 0.0, config::any_number());
 }
 
 /// Pressure over the nozzle with a full screw at nominal speed.
@@ -226,11 +236,6 @@ void read_times(const Section& controller, ControllerSettings& settings) {
 
 // --- the melting front
 
-/// The plant of a rig with a melting front, as far as the controller may look at it for defaults.
-Section melt_part(const Section& plant) {
-  return plant.has("kind") && plant.text("kind") != "bizone" ? plant : Section{};
-}
-
 /// Single values of a model, by their names in [K19] Table 1.
 void read_melt_values(const Section& section, law::MeltModel& m) {
   const auto positive = [&](std::string_view key, double& value) {
@@ -247,13 +252,19 @@ void read_melt_values(const Section& section, law::MeltModel& m) {
 }
 
 /// A material with its machine: keys material, preset, barrel_exchange_W_per_m3K, length_m, nozzle_flux_W_per_m2.
-law::MeltModel read_melt_model(const Section& section, const Section& plant) {
-  const std::string preset = read_shared_choice(section, plant, "preset", "paper", {"paper", "bench"});
-  const double exchange = read_shared_number(section, plant, "barrel_exchange_W_per_m3K", preset == "paper" ? 2e4 : 9e4,
-                                             config::at_least(0));
-  const std::string material = read_shared_choice(section, plant, "material", "hdpe", {"hdpe", "pla", "ldpe"});
-  law::MeltModel model = law::find_melt_material(material, exchange).value();
-  model.length_m = read_shared_number(section, plant, "length_m", model.length_m, config::above(0.01));
+/// @param rig_plant  the emulated plant's section, for defaults.
+law::MeltModel read_melt_model(const Section& section, const Section& rig_plant, const ControllerSettings& settings) {
+  const Section plant = is_plant(rig_plant, "bizone") ? Section{} : rig_plant;
+  const bool coupled = is_plant(rig_plant, "coupled");
+  constexpr double kPaper_W_per_m3K = 2e4, kBench_W_per_m3K = 9e4;
+  double exchange = kBench_W_per_m3K;
+  if (!coupled && read_shared_choice(section, plant, "preset", "paper", {"paper", "bench"}) == "paper") {
+    exchange = kPaper_W_per_m3K;
+  }
+  exchange = read_shared_number(section, plant, "barrel_exchange_W_per_m3K", exchange, config::at_least(0));
+  law::MeltModel model = law::find_melt_material(read_material_name(section, plant), exchange).value();
+  const double length_m = settings.has_length_loop() ? settings.model.length_m : model.length_m;
+  model.length_m = read_shared_number(section, plant, "length_m", length_m, config::above(0.01));
   model.nozzle_flux_W_per_m2 =
       read_shared_number(section, plant, "nozzle_flux_W_per_m2", model.nozzle_flux_W_per_m2, config::any_number());
   read_melt_values(section, model);
@@ -276,12 +287,21 @@ void read_melt_limits(const Section& melt, MeltSettings& settings) {
   limits.length_m = settings.model.length_m;
 }
 
-MeltSettings read_melt(const Section& melt, const Section& plant, ControllerSettings& settings) {
+/// Neither paper has a viscosity that depends on temperature: an extruder without a melting front has none.
+ViscosityModel read_viscosity(const Section& section, std::string_view material, const law::MeltModel& model) {
+  constexpr double kBarrelExcess_K = 10.0;
+  return {
+      .per_K = section.number_or("viscosity_per_K", law::find_viscosity_decay_1_per_K(material), config::at_least(0)),
+      .at_degC = section.number_or("viscosity_at_degC", model.T_melt_degC + kBarrelExcess_K, config::any_number())};
+}
+
+MeltSettings read_melt(const Section& melt, const Section& rig_plant, ControllerSettings& settings) {
+  const Section plant = is_plant(rig_plant, "melt") ? rig_plant : Section{};
   MeltSettings m;
   m.law = melt.choice_or("law", m.law,
                          {"output_feedback", "output_feedback_capped", "output_feedback_direct", "open_loop", "pi"});
   const Section model = melt.section_or_empty("model");
-  m.model = read_melt_model(model, plant);
+  m.model = read_melt_model(model, rig_plant, settings);
   m.T_barrel_degC = read_barrel(model, plant, m.model);
   if (!settings.has_length_loop()) {
     constexpr double kSlowest_m_per_s = 0.002;
@@ -309,16 +329,23 @@ MeltSettings read_melt(const Section& melt, const Section& plant, ControllerSett
 }
 
 std::vector<MaterialSettings> read_materials(const Section& controller, const Section& plant,
-                                             const MeltSettings& melt) {
+                                             const ControllerSettings& settings) {
   std::vector<MaterialSettings> materials;
   const Section all = controller.section_or_empty("material");
   for (const std::string& name : all.keys()) {
     const Section section = all.section(name);
-    MaterialSettings material{.name = name, .model = read_melt_model(section, plant)};
+    MaterialSettings material;
+    material.name = name;
+    material.model = read_melt_model(section, plant, settings);
     material.T_barrel_degC =
         section.number_or("T_barrel_degC", material.model.T_melt_degC + 10.0, config::between(0, 400));
     material.front_set_m =
-        section.number_or("front_set_point_m", melt.front_set_m, front_range(material.model.length_m));
+        section.number_or("front_set_point_m", settings.melt->front_set_m, front_range(material.model.length_m));
+    material.filled = settings.model;
+    const double denser = material.model.liquid.density_kg_per_m3 / settings.melt->model.liquid.density_kg_per_m3;
+    material.filled.theta2_per_m /= denser;
+    material.filled.mass_per_length_kg_per_m *= denser;
+    material.viscosity = read_viscosity(section, read_material_name(section, plant), material.model);
     materials.push_back(material);
   }
   return materials;
@@ -449,8 +476,12 @@ ControllerSettings read_settings(const config::Section& root) {
     settings.set_points = read_first_set_point(controller, settings);
   }
   if (settings.find(config::BoardKind::kMeltCamera) != nullptr) {
-    settings.melt = read_melt(controller.section("melt"), melt_part(plant), settings);
-    settings.materials = read_materials(controller, melt_part(plant), *settings.melt);
+    settings.melt = read_melt(controller.section("melt"), plant, settings);
+    settings.materials = read_materials(controller, plant, settings);
+    if (settings.has_length_loop()) {
+      const Section model = controller.section("melt").section_or_empty("model");
+      settings.viscosity = read_viscosity(controller, read_material_name(model, plant), settings.melt->model);
+    }
   }
   if (settings.find(config::BoardKind::kHeater) != nullptr) settings.zones = read_zones(controller.section("zones"));
   if (controller.has("sequence")) {

@@ -68,10 +68,19 @@ struct Order {
   SequenceOrder order{};
 };
 
-/// What changes with the granules.
+/// How the viscosity of the melt follows its temperature: eta exp(-per_K (T - at_degC)).
+struct ViscosityModel {
+  double per_K = 0.0;  ///< 0: it does not, and the temperature of the melt is not asked for.
+  double at_degC = 0.0;
+};
+
+/// What changes with the granules; [controller.material.NAME], keys of [controller.melt.model], T_barrel_degC,
+/// front_set_point_m, viscosity_per_K and viscosity_at_degC.
 struct MaterialSettings {
   std::string name;
-  law::MeltModel model;
+  law::MeltModel model = law::hdpe_melt_model(2e4);
+  law::BizoneModel filled;
+  ViscosityModel viscosity;
   double T_barrel_degC = 145.0;
   double front_set_m = 0.05;
 };
@@ -103,8 +112,10 @@ struct MaterialSettings {
 /// - flood_margin_m        0..L (0.002)         filled length this near to the feed throat: safe state
 /// - safe_feed             (open_loop)          open_loop | stop
 /// - feeder_watchdog_ms    1..65535 (board's)   time without set point after which the feeder falls to the safe feed
-/// - viscosity_per_K       >= 0 [1/K] (0)       the melt's, eta exp(-k (T - viscosity_at_degC)), if the transmitter
-/// - viscosity_at_degC     (T_barrel)           measures the temperature of the melt
+/// and where there is a melting front as well, so that the melt's temperature decides the pressure:
+/// - viscosity_per_K       >= 0 (material's)    k [1/K] of eta exp(-k (T - viscosity_at_degC)), T measured; 0 =
+/// constant
+/// - viscosity_at_degC     (T_m + 10)           where the model's viscosity holds
 /// and [controller.model], what it believes the extruder to be: preset and fluctuation_case (those of [plant], else
 /// slow and A), and to change single values: speed_m_per_s, length_m, pitch_m, density_kg_per_m3, pressure_flow_m4,
 /// nozzle_kg, area_m2, viscosity_Pa_s, epsilon, omega_rad_per_s, phase_rad (the latter three: those of [plant], else
@@ -142,8 +153,7 @@ struct ControllerSettings {
   std::vector<SetPoint> set_points;  ///< In the order of time, the first one from the start of the run.
   bool time_stamped = true;
   Instant law_starts_at;
-  double viscosity_per_K = 0.0;
-  double viscosity_at_degC = 0.0;
+  ViscosityModel viscosity;
 
   std::optional<MeltSettings> melt;
   std::vector<MaterialSettings> materials;

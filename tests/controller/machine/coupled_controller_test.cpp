@@ -277,7 +277,8 @@ TEST_CASE("Coupled controller: an order that means nothing is refused and told",
 
 TEST_CASE("Coupled controller: another material changes model, barrel and front together", "[machine]") {
   ControllerSettings settings = make_started_settings();
-  MaterialSettings ldpe{.name = "ldpe", .model = settings.melt->model};
+  MaterialSettings ldpe;
+  ldpe.name = "ldpe";
   ldpe.model.T_melt_degC = 110.0;
   ldpe.T_barrel_degC = 120.0;
   ldpe.front_set_m = 0.06;
