@@ -250,8 +250,8 @@ void write_repro_file(const PreparedRun& prepared) {
 /// An event that nobody reads would be a fault that never happens.
 void require_readers(const scenario::ResolvedRun& run) {
   for (const config::TimelineEvent& event : run.events) {
-    if (event.target != "controller") {
-      event.section.fail("target", "has no actions", "events are for target = \"controller\"");
+    if (event.target != "controller" && event.target != "plant") {
+      event.section.fail("target", "has no actions", "events are for target = \"controller\" or \"plant\"");
     }
   }
 }
