@@ -170,11 +170,14 @@ plant::ExtruderParameters read_coupled(const Section& section, double nominal_x_
 }
 
 board::PlantRates calc_rates(const plant::ExtruderParameters& p, double nominal_x_m) {
-  board::PlantRates rates = calc_rates(p.bizone, nominal_x_m);
+  const plant::Extruder extruder{p};
+  board::PlantRates rates = calc_rates(extruder.bizone().parameters(), nominal_x_m);
   rates.barrel_zones = p.barrel.zone_count - 1;
   rates.starts_cold = p.starts_cold;
-  if (p.starts_cold) return rates;
-  const plant::Extruder extruder{p};
+  if (p.starts_cold) {
+    rates.start_flow_kg_per_h = 0;
+    return rates;
+  }
   rates.start_flux_W_per_m2 = extruder.inlet_flux().now_W_per_m2;
   const std::size_t zones = p.barrel.zone_count;
   for (std::size_t i = 0; i < zones; ++i) {

@@ -10,14 +10,29 @@ namespace meltbench::plant {
 
 namespace {
 
+constexpr double kLeastFilled_m = 1e-3;  // Temperatures are averaged over this at least.
+
 ExtruderParameters checked(const ExtruderParameters& parameters) {
   parameters.check();
   return parameters;
 }
 
+MeltSteadyState calc_start(const ExtruderParameters& p) {
+  return calc_melt_steady_state(p.polymer.melt, p.T_zone_start_degC, p.bizone.speed_m_per_s, p.start_front_m);
+}
+
+/// As it is at the start: at rest in production with the viscosities of then, else without anything under way.
 BizoneParameters make_bizone(const ExtruderParameters& parameters) {
   BizoneParameters bizone = parameters.bizone;
-  if (parameters.starts_cold) bizone.U_before_start = bizone.U_before_start.value_or(0.0);
+  if (parameters.starts_cold) {
+    bizone.U_before_start = bizone.U_before_start.value_or(0.0);
+    return bizone;
+  }
+  MeltFront melt{parameters.polymer.melt, parameters.numerics};
+  melt.start_steady(calc_start(parameters));
+  const Viscosity& viscosity = parameters.polymer.viscosity;
+  bizone.nozzle_kg *= viscosity.at_Pa_s(melt.mean_T_before_nozzle_degC(std::max(bizone.x0_m, kLeastFilled_m))) /
+                      viscosity.at_Pa_s(melt.T_nozzle_degC());
   return bizone;
 }
 
@@ -65,8 +80,7 @@ Extruder::Extruder(const ExtruderParameters& parameters)
     bizone_.set_speed_m_per_s(0.0);
     column_.hold(now());
   } else {
-    const MeltSteadyState steady = calc_melt_steady_state(parameters.polymer.melt, parameters.T_zone_start_degC,
-                                                          parameters.bizone.speed_m_per_s, parameters.start_front_m);
+    const MeltSteadyState steady = calc_start(parameters);
     column_.melt().start_steady(steady);
     column_.set_inlet(MeltInlet::flux(steady.inlet_flux_W_per_m2));
     column_.place(now(), bizone_.conveyed_m());
@@ -171,7 +185,8 @@ void Extruder::exchange_heat() {
 void Extruder::update_melt_properties() {
   const double x = bizone_.x_m();
   const bool conveys = state_ == ExtruderState::kConveying;
-  const double T_screw = conveys ? column_.melt().mean_T_before_nozzle_degC(std::max(x, 1e-3)) : T_nozzle_degC();
+  const double T_screw =
+      conveys ? column_.melt().mean_T_before_nozzle_degC(std::max(x, kLeastFilled_m)) : T_nozzle_degC();
   const double eta_screw = parameters_.polymer.viscosity.at_Pa_s(T_screw);
   const double eta_nozzle = parameters_.polymer.viscosity.at_Pa_s(T_nozzle_degC());
   opening_ = 1;

@@ -17,7 +17,7 @@ void MeltColumn::hold(Instant at) {
 }
 
 void MeltColumn::catch_up(Instant to, double conveyed_m, const MeltBarrel& barrel) noexcept {
-  if (to <= solved_to_) return;
+  if (to < solved_to_ + kLeastStep) return;
   const double dt_s = to_s(to - solved_to_);
   const double speed_m_per_s = (conveyed_m - conveyed_m_) / dt_s;
   solved_to_ = to;

@@ -12,6 +12,8 @@ namespace meltbench::plant {
 /// what the screw has conveyed; the barrel is held. After a change of the inlet it must have caught up first.
 class MeltColumn {
  public:
+  static constexpr Nanos kLeastStep = 100us;
+
   /// @throws as MeltFront.
   MeltColumn(const MeltParameters& parameters, const MeltNumerics& numerics) : melt_{parameters, numerics} {}
 
@@ -30,7 +32,8 @@ class MeltColumn {
     hold(at);
   }
 
-  /// Solves up to `to`, when the screw has conveyed `conveyed_m`. Earlier than solved_to() does nothing.
+  /// Solves up to `to`, when the screw has conveyed `conveyed_m`; less than kLeastStep after solved_to() is not worth
+  /// it.
   void catch_up(Instant to, double conveyed_m, const MeltBarrel& barrel) noexcept;
   [[nodiscard]] Instant solved_to() const { return solved_to_; }
 

@@ -19,6 +19,7 @@ constexpr double kSolidGrowth = 1.3;
 constexpr double kLiquidGrowth = 1.6;
 // Of b. What is left of a step's mismatch is put right in the next step's first guess, so it does not add up, and it
 // vanishes at rest. While the front accelerates, 1e-4 of b is 10 nm per step.
+constexpr double kJoint_m = 1e-3;  // Over which a given profile is joined to T_m at the front.
 constexpr double kSpeedTolerance = 1e-4;
 constexpr double kMinSpeedTolerance_m_per_s = 1e-12;
 constexpr double kMinResidualSlope = 0.05;  // 1 + St; below this the front speed runs away (20.6 K superheat).
@@ -118,15 +119,17 @@ void MeltFront::start_profile(double front_m, std::span<const double> T_degC) {
     const double share = place - static_cast<double>(left);
     return (1.0 - share) * T_degC[left] + share * T_degC[left + 1];
   };
+  // A step of temperature at the front would throw it; conduction needs seconds to make such a layer.
   const double T_m = parameters_.T_melt_degC;
+  const auto joined = [&](double x_m) {
+    return T_m + (at(x_m) - T_m) * -std::expm1(-std::abs(x_m - front_m) / kJoint_m);
+  };
   std::vector<double> T;
-  for (const double xi : solid_nodes()) T.push_back(std::min(at(front_m * xi), T_m));
-  T.back() = T_m;
+  for (const double xi : solid_nodes()) T.push_back(std::min(joined(front_m * xi), T_m));
   solid_->set_T_degC(T);
   T.clear();
   const double length = parameters_.length_m - front_m;
-  for (const double eta : liquid_nodes()) T.push_back(std::max(at(front_m + length * eta), T_m));
-  T.front() = T_m;
+  for (const double eta : liquid_nodes()) T.push_back(std::max(joined(front_m + length * eta), T_m));
   liquid_.set_T_degC(T);
   energy_at_start_m_ = energy_content_m();
 }
