@@ -13,6 +13,7 @@ namespace {
 
 constexpr double kSecondsPerHour = 3600.0;
 constexpr double kSecondsPerMinute = 60.0;
+constexpr double kSlowestShare = 0.1;  // Of the run's speed: a slower screw counts as standing for the front.
 
 }  // namespace
 
@@ -294,7 +295,8 @@ void Controller::control_feed(Instant now, Outbox& out) {
 
 void Controller::control_melt(Instant now, Outbox& out) {
   if (!melt_) return;
-  const bool turns = demand().screw_rev_per_s > 0.0;
+  // Also while a screw that is to stand runs down: what is left in the barrel must not stick.
+  const bool turns = demand().screw_rev_per_s > 0.0 || screw_.demand_rev_per_s() > kSlowestShare * run_rev_per_s_;
   if (!turns || !(melt_->loop().is_running() || melt_->is_ready())) return melt_->rest(out);
   if (auto trouble = melt_->control(sync_at_, out)) trip(now, trouble->code, std::move(trouble->text), out);
 }

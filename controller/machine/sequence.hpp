@@ -22,8 +22,9 @@ enum class SequenceOrder : std::uint8_t { kStart, kHold, kPurge, kShutDown };
 /// | purging  | on    | purge speed | none       | held       | after purge_s: to stand-by, or cold if shut down|
 /// | standby  | on    | stands      | none       | not held   | with start, shut_down                           |
 ///
-/// The front is held while the screw turns: a standing screw has no steady state. "Holding" is production at a crawl:
-/// a screw that stands lets the front wander to the inlet, where granules stick.
+/// The front is held while the screw turns: a standing screw has no steady state. "Holding" is production at a lower
+/// speed, for a screw that stands lets the front wander to the inlet, where granules stick. Half the speed costs 2 K of
+/// superheat on the way; a fifth costs 6 K, and going back takes half of the distance between granules and filled zone.
 enum class SequencePhase : std::uint8_t {
   kCold,
   kHeating,
@@ -41,7 +42,7 @@ enum class SequencePhase : std::uint8_t {
 /// - fill_s           >= 0 (5)             loops ready for so long before the run counts as running
 /// - fill_timeout_s   > 0 (120)            not ready for so long: safe state
 /// - heat_timeout_s   > 0 (3600)           not warm for so long: safe state
-/// - hold_rpm         > 0 (a fifth of run) screw while it holds
+/// - hold_rpm         > 0 (half of run)     screw while it holds
 /// - purge_rpm        > 0 (that of run)    screw while it is emptied
 /// - purge_s          > 0 (30)             how long it is emptied
 struct SequenceSettings {
@@ -49,7 +50,7 @@ struct SequenceSettings {
   Nanos fill = 5s;
   Nanos fill_timeout = 120s;
   Nanos heat_timeout = 3600s;
-  double hold_rev_per_s = 0.3;
+  double hold_rev_per_s = 0.75;
   double purge_rev_per_s = 1.5;
   Nanos purge = 30s;
 };

@@ -384,7 +384,7 @@ SequenceSettings read_sequence(const Section& section, double run_rev_per_s) {
   sequence.fill = section.duration_or("fill_s", to_s(sequence.fill));
   sequence.fill_timeout = section.duration_or("fill_timeout_s", to_s(sequence.fill_timeout), config::above(0));
   sequence.heat_timeout = section.duration_or("heat_timeout_s", to_s(sequence.heat_timeout), config::above(0));
-  sequence.hold_rev_per_s = rev_per_s("hold_rpm", 0.2 * run_rev_per_s);
+  sequence.hold_rev_per_s = rev_per_s("hold_rpm", 0.5 * run_rev_per_s);
   sequence.purge_rev_per_s = rev_per_s("purge_rpm", run_rev_per_s);
   sequence.purge = section.duration_or("purge_s", to_s(sequence.purge), config::above(0));
   return sequence;

@@ -179,7 +179,7 @@ TEST_CASE("Coupled controller: start heats, soaks, turns the screw, and runs bot
   CHECK(rig.signal("controller.T_barrel_degC") == Approx(147.0));
 }
 
-TEST_CASE("Coupled controller: hold crawls, purge stops the feed, shut down ends cold", "[machine]") {
+TEST_CASE("Coupled controller: hold goes slower, purge stops the feed, shut down ends cold", "[machine]") {
   ControllerSettings settings = make_started_settings();
   settings.sequence->purge = 3s;
   settings.orders.push_back(make_order(10s, SequenceOrder::kHold));
@@ -187,7 +187,7 @@ TEST_CASE("Coupled controller: hold crawls, purge stops the feed, shut down ends
   FakeCoupledRig rig{settings};
   warm_up(rig);
   rig.run_for_s(14.0);
-  CHECK(rig.process.rev_per_s == Approx(0.3).epsilon(1e-4));
+  CHECK(rig.process.rev_per_s == Approx(0.75).epsilon(1e-4));
   CHECK(rig.feeder.flow_kg_per_h() > 0.0);
   rig.process.x_m = 0.1;
   rig.run_for_s(16.0);

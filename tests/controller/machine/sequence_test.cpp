@@ -82,7 +82,7 @@ TEST_CASE("Sequence: a run counts as running when the loops have been good witho
   CHECK(sequence.demand(kRun_rev_per_s).feed == FeedMode::kLaw);
 }
 
-TEST_CASE("Sequence: hold crawls with both loops, and start brings it back", "[machine]") {
+TEST_CASE("Sequence: hold goes slower with both loops, and start brings it back", "[machine]") {
   Sequence sequence = make_running();
   CHECK(sequence.obey(Instant{200s}, SequenceOrder::kHold));
   CHECK(sequence.demand(kRun_rev_per_s).screw_rev_per_s == 0.3);
