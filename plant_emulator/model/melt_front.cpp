@@ -143,7 +143,7 @@ void MeltFront::restart(double front_m) {
   front_m_ = front_m;
   front_speed_m_per_s_ = 0.0;
   inlet_flux_ = mean_inlet_flux_ = solid_front_flux_ = liquid_front_flux_ = 0.0;
-  corrected_speed_ = acceleration_ = 0.0;
+  corrected_speed_ = acceleration_ = last_step_s_ = 0.0;
   residual_slope_ = 1.0;
   energy_supplied_m_ = 0.0;
 }
@@ -181,7 +181,7 @@ bool MeltFront::step(double dt_s, const MeltInput& input) noexcept {
                       .speed_m_per_s = input.speed_m_per_s,
                       .front_old_m = front_m_,
                       .front_new_m = 0.0,
-                      .front_speed_m_per_s = corrected_speed_ + acceleration_ * dt_s,
+                      .front_speed_m_per_s = corrected_speed_ + acceleration_ * std::min(dt_s, last_step_s_),
                       .barrel = input.barrel};
   double last_speed = 0.0;
   double last_mismatch = 0.0;
@@ -202,6 +202,7 @@ bool MeltFront::step(double dt_s, const MeltInput& input) noexcept {
       front_speed_m_per_s_ = v;
       const double corrected = v - mismatch / residual_slope_;
       acceleration_ = (corrected - corrected_speed_) / dt_s;
+      last_step_s_ = dt_s;
       corrected_speed_ = corrected;
       return true;
     }

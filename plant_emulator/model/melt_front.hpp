@@ -139,7 +139,8 @@ class MeltFront {
   double solid_front_flux_ = 0.0;
   double liquid_front_flux_ = 0.0;
   double corrected_speed_ = 0.0;  // First guess of the next step: the last speed less its mismatch ...
-  double acceleration_ = 0.0;     // ... and its trend.
+  double acceleration_ = 0.0;     // ... and its trend, trusted for as long as
+  double last_step_s_ = 0.0;      // it was measured over.
   double residual_slope_ = 1.0;   // d(mismatch)/d(front speed), carried from step to step.
   double energy_at_start_m_ = 0.0;
   double energy_supplied_m_ = 0.0;
