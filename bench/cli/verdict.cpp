@@ -10,7 +10,7 @@ namespace {
 
 std::string margin_text(const check::CheckResult& result) {
   if (!result.skipped.empty()) return "skipped: " + result.skipped;
-  if (!std::isfinite(result.margin)) return result.text;
+  if (result.kind == "health" || !std::isfinite(result.margin)) return result.text;
   std::string text = fmt::format("margin {:.4g}{}{}", result.margin, result.unit.empty() ? "" : " ", result.unit);
   if (result.at_s) text += fmt::format(" at {:.4g} s", *result.at_s);
   if (!result.text.empty()) text += fmt::format("; {}", result.text);
