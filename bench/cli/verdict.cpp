@@ -2,18 +2,20 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 
 namespace meltbench::cli {
 namespace {
 
+/// The margin; what was seen is said where the check failed, and else in the report.
 std::string margin_text(const check::CheckResult& result) {
   if (!result.skipped.empty()) return "skipped: " + result.skipped;
   if (result.kind == "health" || !std::isfinite(result.margin)) return result.text;
   std::string text = fmt::format("margin {:.4g}{}{}", result.margin, result.unit.empty() ? "" : " ", result.unit);
   if (result.at_s) text += fmt::format(" at {:.4g} s", *result.at_s);
-  if (!result.text.empty()) text += fmt::format("; {}", result.text);
+  if (!result.held) text += fmt::format("; {}", result.text);
   return text;
 }
 
@@ -30,9 +32,11 @@ void print_verdict(const record::Recording& recording, const check::CheckResults
     if (speed > 0) fmt::print(", {:.0f} x real time", speed);
     fmt::print("\n");
   }
+  std::size_t width = 0;
+  for (const check::CheckResult& result : results.checks) width = std::max(width, result.name.size());
   for (const check::CheckResult& result : results.checks) {
     if (quiet && result.held) continue;
-    fmt::print("  {:<8}{:<36}  {}\n", verdict_word(result), result.name, margin_text(result));
+    fmt::print("  {:<8}{:<{}}  {}\n", verdict_word(result), result.name, width, margin_text(result));
   }
   if (recording.ending.reason != record::EndReason::kCompleted)
     fmt::print("  ended early: {}\n", recording.ending.text);
