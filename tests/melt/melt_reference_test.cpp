@@ -1,6 +1,8 @@
-// Writes fixtures/reference/melt_*.csv anew, into the working directory; hidden, because it takes 20 s:  melt_tests
-// "[.melt-reference]" Plant: MeltCvode, an integrator and a discretisation of its own, on a mesh where halving changes
-// nothing printed.
+// Writes fixtures/reference/melt_*.csv anew, into the working directory. Hidden, because it takes 20 s:
+//
+//   melt_tests "[.melt-reference]"
+//
+// Plant: MeltCvode, an integrator and a discretisation of its own, on a mesh where halving changes nothing printed.
 
 #include <fmt/format.h>
 
