@@ -29,7 +29,7 @@ std::string_view verdict_word(const check::CheckResult& result) {
 void print_verdict(const record::Recording& recording, const check::CheckResults& results, double speed, bool quiet) {
   if (!quiet || !results.held()) {
     fmt::print("{}  {:.6g} s", recording.info.label(), to_s(recording.ending.at));
-    if (speed > 0) fmt::print(", {:.0f} x real time", speed);
+    if (speed > 0) fmt::print(", {:.3g} x real time", speed);
     fmt::print("\n");
   }
   std::size_t width = 0;
@@ -54,7 +54,8 @@ void Tally::add(const check::CheckResults& results) {
 }
 
 void print_tally(const Tally& tally) {
-  fmt::print("{} run{}: {} checks held, {} failed", tally.runs, tally.runs == 1 ? "" : "s", tally.held, tally.failed);
+  fmt::print("{} run{}: {} check{} held, {} failed", tally.runs, tally.runs == 1 ? "" : "s", tally.held,
+             tally.held == 1 ? "" : "s", tally.failed);
   if (tally.skipped > 0) fmt::print(", {} skipped", tally.skipped);
   fmt::print("\n");
 }
