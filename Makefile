@@ -1,5 +1,5 @@
 # make run    builds and runs the main scenario          make test   runs every test that this machine can run
-# make build  only builds                                make bench  measures speeds
+# make build  builds the three programs                  make bench  measures speeds
 BIN := build/release/bin
 RUN_OUT := build/run
 
@@ -9,13 +9,15 @@ run: build
 	@$(BIN)/meltbench run fixtures/scenarios/delay_compensation.toml --out $(RUN_OUT)
 
 test: build
+	@cmake --build --preset release
 	@.ci/test build/release
 
 build: deps
 	@cmake --preset release >build/configure.log 2>&1 || { cat build/configure.log; exit 1; }
-	@cmake --build --preset release
+	@cmake --build --preset release --target meltbench plant_emulator controller
 
 bench: build
+	@cmake --build --preset release --target meltbench_benchmarks
 	@$(BIN)/meltbench_benchmarks
 
 asan tsan: deps

@@ -22,7 +22,7 @@ double feed_ratio(std::int64_t k) {
 }
 
 /// One sample of the loop: append what was applied, predict. The argument is the number of samples under way.
-void BM_exact_predictor_update(benchmark::State& state) {
+void exact_predictor_update(benchmark::State& state) {
   const double delay_m = 0.1;
   const double ds = delay_m / static_cast<double>(state.range(0));
   law::ExactPredictor predictor{{.length_m = kLength_m, .window_m = 2.0 * kLength_m, .ds_min_m = 0.5 * ds}};
@@ -38,10 +38,10 @@ void BM_exact_predictor_update(benchmark::State& state) {
   for (std::int64_t i = 0; i < 3 * state.range(0); ++i) update();
   for (auto _ : state) benchmark::DoNotOptimize(update());
 }
-BENCHMARK(BM_exact_predictor_update)->Arg(666)->Arg(2222)->Arg(22222);
+BENCHMARK(exact_predictor_update)->Arg(666)->Arg(2222)->Arg(22222);
 
 /// The same, integrating over the delay at every update.
-void BM_paper_predictor_update(benchmark::State& state) {
+void paper_predictor_update(benchmark::State& state) {
   const double delay_s = 0.1 / kSpeed_m_per_s;
   const double dt = delay_s / static_cast<double>(state.range(0));
   law::BizoneModel model;
@@ -55,10 +55,10 @@ void BM_paper_predictor_update(benchmark::State& state) {
     benchmark::DoNotOptimize(predictor.predict(t, 0.1));
   }
 }
-BENCHMARK(BM_paper_predictor_update)->Arg(666)->Arg(2222)->Unit(benchmark::kMicrosecond);
+BENCHMARK(paper_predictor_update)->Arg(666)->Arg(2222)->Unit(benchmark::kMicrosecond);
 
 /// A whole cycle of a law through the seam: encoder, two intervals of feed, answer.
-void BM_delay_law_cycle(benchmark::State& state, const char* name) {
+void delay_law_cycle(benchmark::State& state, const char* name) {
   law::DelayLawSettings settings;
   const auto delay_law = law::make_delay_law(name, settings);
   law::MaterialClock clock{kSpeed_m_per_s};
@@ -77,11 +77,11 @@ void BM_delay_law_cycle(benchmark::State& state, const char* name) {
   for (int i = 0; i < 3000; ++i) cycle();
   for (auto _ : state) benchmark::DoNotOptimize(cycle());
 }
-BENCHMARK_CAPTURE(BM_delay_law_cycle, exact_predictor, "exact_predictor");
-BENCHMARK_CAPTURE(BM_delay_law_cycle, uncompensated, "uncompensated");
+BENCHMARK_CAPTURE(delay_law_cycle, exact_predictor, "exact_predictor");
+BENCHMARK_CAPTURE(delay_law_cycle, uncompensated, "uncompensated");
 
 /// Plant: 10 ms in steps of the given number of microseconds, feeder in kg/s, then all outputs.
-void BM_extruder_step(benchmark::State& state, plant::Preset preset) {
+void extruder_step(benchmark::State& state, plant::Preset preset) {
   plant::BizoneExtruder extruder{plant::make_parameters(preset, plant::FluctuationCase::kA)};
   const double hold = extruder.parameters().holding_feed_kg_per_s(0.1);
   const Nanos step{state.range(0) * 1000};
@@ -98,15 +98,15 @@ void BM_extruder_step(benchmark::State& state, plant::Preset preset) {
     benchmark::DoNotOptimize(extruder.x_m());
   }
 }
-BENCHMARK_CAPTURE(BM_extruder_step, slow, plant::Preset::kSlow)->Arg(10000)->Arg(1000);
-BENCHMARK_CAPTURE(BM_extruder_step, phys, plant::Preset::kPhys)->Arg(10000);
-BENCHMARK_CAPTURE(BM_extruder_step, paper_reading, plant::Preset::kPaper)->Arg(10000);
+BENCHMARK_CAPTURE(extruder_step, slow, plant::Preset::kSlow)->Arg(10000)->Arg(1000);
+BENCHMARK_CAPTURE(extruder_step, phys, plant::Preset::kPhys)->Arg(10000);
+BENCHMARK_CAPTURE(extruder_step, paper_reading, plant::Preset::kPaper)->Arg(10000);
 
-void BM_extruder_outputs(benchmark::State& state) {
+void extruder_outputs(benchmark::State& state) {
   plant::BizoneExtruder extruder{plant::make_parameters(plant::Preset::kSlow, plant::FluctuationCase::kA)};
   for (int i = 1; i < 4000; ++i) extruder.advance_to(Instant{i * 10ms});
   for (auto _ : state) benchmark::DoNotOptimize(extruder.outputs());
 }
-BENCHMARK(BM_extruder_outputs);
+BENCHMARK(extruder_outputs);
 
 }  // namespace

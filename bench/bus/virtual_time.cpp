@@ -27,7 +27,7 @@ std::string lost_text(std::string_view name, PortStatus status, Instant at) {
     case PortStatus::kInterrupted:
       break;
   }
-  return fmt::format("interrupted at {:.6f} s of the run", at_s);
+  return "interrupted";
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "bench/cli/single_run.hpp"
 #include "bench/scenario/scenario.hpp"
 
 namespace meltbench::cli {
@@ -30,6 +31,16 @@ ExitStatus list_scenarios(const std::filesystem::path& folder) {
     std::string variants;
     for (const auto& run : runs) variants += (variants.empty() ? "" : ", ") + run.variant;
     fmt::print("    variants: {}\n", variants);
+  }
+  return ExitStatus::kHeld;
+}
+
+ExitStatus list_signals(const std::filesystem::path& scenario) {
+  const PreparedRun prepared = prepare(std::move(scenario::load(scenario).front()), {}, {});
+  for (const Participant* participant : {prepared.controller.get(), prepared.plant.get()}) {
+    for (const SignalInfo& signal : participant->signals()) {
+      fmt::print("{}{}\n", signal.name, signal.kind == SignalKind::kErrorCounter ? "   (error counter)" : "");
+    }
   }
   return ExitStatus::kHeld;
 }

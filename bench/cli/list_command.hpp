@@ -14,4 +14,7 @@ namespace meltbench::cli {
 /// @throws config::ConfigError for a file that cannot be read.
 [[nodiscard]] ExitStatus list_scenarios(const std::filesystem::path& folder);
 
+/// "meltbench list --signals FILE": the signals that the runs of a scenario offer, one per line.
+[[nodiscard]] ExitStatus list_signals(const std::filesystem::path& scenario);
+
 }  // namespace meltbench::cli

@@ -4,6 +4,8 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <filesystem>
+#include <limits>
 #include <system_error>
 
 #include "bench/cli/doctor_command.hpp"
@@ -27,12 +29,15 @@ int tell(const std::string& what, const std::string& hint, ExitStatus status) {
   return static_cast<int>(status);
 }
 
+/// TOML, and so repro.toml, knows no larger whole number.
+constexpr std::uint64_t kMaxSeed = std::numeric_limits<std::int64_t>::max();
+
 /// What the words of the command line say, whichever command it is.
 struct Words {
   cli::RunRequest run;
   std::string pace = "lockstep";
   bool in_process = false;
-  std::uint64_t seed = 0;
+  std::uint64_t seed = 0;  // 0..kMaxSeed
   std::filesystem::path scenarios;
   std::vector<std::filesystem::path> folders;
   std::filesystem::path page;
@@ -45,7 +50,8 @@ CLI::App* add_run_command(CLI::App& app, Words& words) {
                   "Scenario files; several give one report with their signals overlaid")
       ->required();
   run->add_option("--out", words.run.out, "Folder of the results")->default_str("meltbench-out");
-  run->add_option("--seed", words.seed, "Instead of the scenario's seed; same seed, same bytes");
+  run->add_option("--seed", words.seed, "Instead of the scenario's seed; same seed, same bytes")
+      ->check(CLI::Range(std::uint64_t{0}, kMaxSeed));
   run->add_option("--pace", words.pace, "lockstep | realtime | realtime:FACTOR")->capture_default_str();
   run->add_flag("--in-process", words.in_process, "Virtual time without processes: same recording, faster");
   run->add_option(
@@ -54,7 +60,7 @@ CLI::App* add_run_command(CLI::App& app, Words& words) {
   run->add_flag("--quiet", words.run.quiet, "Print failures, the sum and the report's place only");
   run->footer(
       "Exit status: 0 all checks held, 1 a check failed, 2 bad usage or file, 3 a process or link was lost\n"
-      "Example: meltbench run fixtures/scenarios/delay_compensation.toml --out /tmp/first");
+      "Example: meltbench run fixtures/scenarios/delay_compensation.toml --out first");
   return run;
 }
 
@@ -62,7 +68,8 @@ CLI::App* add_run_command(CLI::App& app, Words& words) {
 void settle(Words& words, const CLI::App& run) {
   words.run.pace = cli::parse_pace(words.pace);
   if (words.in_process) {
-    if (!words.run.pace.is_virtual()) throw std::invalid_argument{"--in-process has no wall-clock pace"};
+    if (!words.run.pace.is_virtual())
+      throw std::invalid_argument{"--in-process runs in virtual time: drop it, or --pace"};
     if (!words.run.can.empty()) throw std::invalid_argument{"--in-process uses no bus that --can could name"};
     words.run.pace.kind = cli::Pace::Kind::kInProcess;
   }
@@ -91,6 +98,7 @@ ExitStatus dispatch(CLI::App& app, Words& words) {
     return cli::run_scenarios(words.run);
   }
   if (app.got_subcommand("list")) {
+    if (!words.scenario.empty()) return cli::list_signals(words.scenario);
     return cli::list_scenarios(words.scenarios.empty() ? cli::find_scenarios() : words.scenarios);
   }
   if (app.got_subcommand("report")) return cli::make_report(words.folders, words.page);
@@ -106,7 +114,9 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   Words words;
   add_run_command(app, words);
-  app.add_subcommand("list", "List scenarios")->add_option("folder", words.scenarios, "default: fixtures/scenarios");
+  CLI::App* list = app.add_subcommand("list", "List scenarios, or the signals of one");
+  list->add_option("folder", words.scenarios, "default: fixtures/scenarios");
+  list->add_option("--signals", words.scenario, "A scenario: print the signals of its runs");
   CLI::App* report = app.add_subcommand("report", "Make report.html anew from run folders");
   report->add_option("folder", words.folders, "Run folders; several are overlaid")->required();
   report->add_option("--page", words.page, "Where to write it (default: report.html in the first folder)");
@@ -131,6 +141,9 @@ int main(int argc, char** argv) {
     return tell(error.what(), error.hint(), ExitStatus::kUsage);
   } catch (const std::invalid_argument& error) {
     return tell(error.what(), "see \"meltbench run --help\"", ExitStatus::kUsage);
+  } catch (const std::filesystem::filesystem_error& error) {
+    return tell(fmt::format("{}: {}", error.path1().string(), error.code().message()),
+                "is the path right, and may you read and write there?", ExitStatus::kUsage);
   } catch (const std::system_error& error) {
     return tell(error.what(), "", ExitStatus::kUsage);
   } catch (const std::exception& error) {

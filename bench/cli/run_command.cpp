@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
+#include <stdexcept>
 
 #include "bench/cli/single_run.hpp"
 #include "bench/cli/verdict.hpp"
@@ -27,6 +29,10 @@ std::vector<PreparedRun> prepare_all(const RunRequest& request) {
       std::filesystem::path folder = request.out;
       if (request.scenarios.size() > 1) folder /= run.name;
       if (runs.size() > 1) folder /= run.variant;
+      if (std::ranges::find(prepared, folder, &PreparedRun::folder) != prepared.end()) {
+        throw std::invalid_argument{
+            fmt::format("two scenarios are named \"{}\": rename one, or run it apart", run.label())};
+      }
       prepared.push_back(prepare(std::move(run), folder, request));
     }
   }

@@ -96,7 +96,19 @@ record::Ending to_ending(const bus::RunOutcome& outcome) {
   return ending;
 }
 
+/// The one file that the run needs, and that repeats it. Written once the bus is open: a run that cannot begin leaves
+/// nothing.
+void write_repro_file(const PreparedRun& prepared) {
+  std::filesystem::create_directories(prepared.folder);
+  const std::filesystem::path path = prepared.folder / "repro.toml";
+  std::ofstream file{path};
+  file << scenario::write_repro(prepared.run, kProgramVersion);
+  file.close();
+  if (!file) throw std::system_error{errno, std::generic_category(), "cannot write " + path.string()};
+}
+
 record::Recording run_in_process(PreparedRun& prepared, const RunRequest& request) {
+  write_repro_file(prepared);
   runtime::InProcessPort controller{*prepared.controller};
   runtime::InProcessPort plant{*prepared.plant};
   const std::array<runtime::ParticipantPort*, 2> ports{&controller, &plant};
@@ -200,6 +212,7 @@ std::string choose_bus_name(const RunRequest& request) {
 record::Recording run_in_lockstep(const PreparedRun& prepared, const RunRequest& request) {
   const OneProcessor pinned;
   bus::Broker broker{choose_bus_name(request)};
+  write_repro_file(prepared);
   Programs programs{prepared, request, broker.bus_name(), pinned.cpu()};
   std::vector<bus::Joined> joined = programs.wait_until_joined(broker);
   for (bus::Joined& program : joined) {
@@ -224,6 +237,7 @@ record::Recording run_at_wall_clock(const PreparedRun& prepared, const RunReques
     if (uri.kind == link::BusUri::Kind::kSocketCan) kernel_bus.emplace(uri.name);
   }
   bus::Broker broker{choose_bus_name(request)};
+  write_repro_file(prepared);
   Programs programs{prepared, request, broker.bus_name(), std::nullopt};
   std::vector<bus::Joined> joined = programs.wait_until_joined(broker);
   Progress progress{prepared.run.label(), prepared.run.duration, request.quiet};
@@ -236,15 +250,6 @@ record::Recording run_at_wall_clock(const PreparedRun& prepared, const RunReques
   record::Ending ending = to_ending(end_programs(outcome, joined, programs));
   ending.real_time_factor = to_s(ending.at) / elapsed_s;
   return recorder.finish(std::move(ending));
-}
-
-void write_repro_file(const PreparedRun& prepared) {
-  std::filesystem::create_directories(prepared.folder);
-  const std::filesystem::path path = prepared.folder / "repro.toml";
-  std::ofstream file{path};
-  file << scenario::write_repro(prepared.run, kProgramVersion);
-  file.close();
-  if (!file) throw std::system_error{errno, std::generic_category(), "cannot write " + path.string()};
 }
 
 /// An event that nobody reads would be a fault that never happens.
@@ -273,7 +278,6 @@ PreparedRun prepare(scenario::ResolvedRun run, std::filesystem::path folder, con
 }
 
 record::Recording execute(PreparedRun& prepared, const RunRequest& request) {
-  write_repro_file(prepared);
   switch (request.pace.kind) {
     case Pace::Kind::kInProcess:
       return run_in_process(prepared, request);

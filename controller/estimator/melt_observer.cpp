@@ -15,7 +15,8 @@ constexpr double kEndCell = 0.15;  // In units of α/b.
 constexpr double kGrowth = 1.3;
 constexpr double kFastestFront = 0.95;  // Of b: ds/dt = b St/(1 + St) < b.
 constexpr double kFastestRetreat = 3.0;
-constexpr double kTripTravel = 0.5;  // Of s: half a flush.
+constexpr double kConductedSpeed_m_per_s = 5e-3;  // A front also moves while the screw stands, by conduction.
+constexpr double kTripTravel = 0.5;               // Of s: half a flush.
 constexpr double kMinFront_m = 1e-4;
 
 /// Width of cell i before scaling to a sum of one: geometric from both ends up to the largest.
@@ -108,6 +109,7 @@ MeltObserver::MeltObserver(const MeltObserverModel& model, const MeltObserverNum
   const std::size_t N = numerics.cells;
   const auto& x = nodes_;
   first_.assign(N, Row{});
+  first_back_.assign(N, Row{});
   second_.assign(N, Row{});
   const auto set = [](Row& row, std::size_t i, std::size_t from, std::span<const double> weights) {
     for (std::size_t j = 0; j < weights.size(); ++j) row[from + j + 2 - i] = weights[j];
@@ -135,6 +137,9 @@ MeltObserver::MeltObserver(const MeltObserverModel& model, const MeltObserverNum
   for (std::size_t i = 2; i < N; ++i) {
     const std::array<double, 4> upwind{x[i - 2], x[i - 1], x[i], x[i + 1]};
     set(first_[i], i, i - 2, calc_weights(upwind, x[i], 1));
+    const std::size_t back = std::min(i - 1, N - 3);  // Row N-1 has no node beyond the front.
+    const std::array<double, 4> downwind{x[back], x[back + 1], x[back + 2], x[back + 3]};
+    set(first_back_[i], i, back, calc_weights(downwind, x[i], 1));
     if (i + 2 <= N) {
       const std::array<double, 5> around{x[i - 2], x[i - 1], x[i], x[i + 1], x[i + 2]};
       set(second_[i], i, i - 2, calc_weights(around, x[i], 2));
@@ -177,7 +182,8 @@ MeltObserverStatus MeltObserver::advance(double dt_s, const MeltObserverInput& i
   const double measured_rate = input.front_m ? (*input.front_m - front_m_) / dt_s : 0.0;
   for (int i = 0; i < steps; ++i) {
     const double rate = input.front_m ? measured_rate : predict_front_speed_m_per_s(input);
-    const double used = std::clamp(rate, -kFastestRetreat * b, kFastestFront * b);
+    const double used =
+        std::clamp(rate, -kFastestRetreat * b - kConductedSpeed_m_per_s, kFastestFront * b + kConductedSpeed_m_per_s);
     step(step_s, std::clamp(front_m_ + step_s * used, kMinFront_m, model_.length_m), input);
   }
   const bool fresh = input.front_m && input.T_inlet_degC;
@@ -230,7 +236,8 @@ void MeltObserver::step(double dt_s, double front_new_m, const MeltObserverInput
   const auto assemble = [&](std::size_t i) {
     Equation row;
     const double advection = advection_at_inlet + stretching * nodes_[i];
-    for (std::size_t k = 0; k < 5; ++k) row.of[k] = diffusion * second_[i][k] + advection * first_[i][k];
+    const Row& first = advection >= 0.0 || i < 2 ? first_[i] : first_back_[i];
+    for (std::size_t k = 0; k < 5; ++k) row.of[k] = diffusion * second_[i][k] + advection * first[k];
     row.of[2] += 1.0 + exchange;
     row.y = T_[i] + exchange * input.T_barrel_degC;
     if (i < 2) {  // Row 0: That_x(0) itself is the advected slope.
@@ -278,15 +285,17 @@ void MeltObserver::step(double dt_s, double front_new_m, const MeltObserverInput
   }
 
   // Two rows are left, for That at `middle` and the node after it.
-  const Equation first = assemble(middle), second = assemble(middle + 1);
-  const double outer_1 = first.of[1] - first.of[0] * down_before.near;
-  const double outer_2 = second.of[3] - second.of[4] * up_before.near;
-  const double a11 = first.of[2] - first.of[0] * down_before.far - outer_1 * down.near - first.of[4] * up.far;
-  const double a12 = first.of[3] - outer_1 * down.far - first.of[4] * up.near;
-  const double a21 = second.of[1] - outer_2 * up.far - second.of[0] * down.near;
-  const double a22 = second.of[2] - second.of[4] * up_before.far - outer_2 * up.near - second.of[0] * down.far;
-  const double y1 = first.y - first.of[0] * down_before.y - outer_1 * down.y - first.of[4] * up.y;
-  const double y2 = second.y - second.of[4] * up_before.y - outer_2 * up.y - second.of[0] * down.y;
+  const Equation first_left = assemble(middle), second_left = assemble(middle + 1);
+  const double outer_1 = first_left.of[1] - first_left.of[0] * down_before.near;
+  const double outer_2 = second_left.of[3] - second_left.of[4] * up_before.near;
+  const double a11 =
+      first_left.of[2] - first_left.of[0] * down_before.far - outer_1 * down.near - first_left.of[4] * up.far;
+  const double a12 = first_left.of[3] - outer_1 * down.far - first_left.of[4] * up.near;
+  const double a21 = second_left.of[1] - outer_2 * up.far - second_left.of[0] * down.near;
+  const double a22 =
+      second_left.of[2] - second_left.of[4] * up_before.far - outer_2 * up.near - second_left.of[0] * down.far;
+  const double y1 = first_left.y - first_left.of[0] * down_before.y - outer_1 * down.y - first_left.of[4] * up.y;
+  const double y2 = second_left.y - second_left.of[4] * up_before.y - outer_2 * up.y - second_left.of[0] * down.y;
   const double determinant = a11 * a22 - a12 * a21;
   T_[middle] = (y1 * a22 - a12 * y2) / determinant;
   T_[middle + 1] = (a11 * y2 - a21 * y1) / determinant;

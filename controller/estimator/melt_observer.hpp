@@ -49,7 +49,8 @@ enum class MeltObserverStatus {
 ///
 /// The error is carried out of the barrel by the screw: it does not fall like the norm of (32) says but stays of order
 /// one until s/b, then collapses. Third-order upwind-biased advection, implicit Euler, band (2,2).
-/// The front that it uses follows Y1 within -3b ... 0.95b: no front of (5) moves faster than the material.
+/// The front that it uses follows Y1 within -3b - 5 mm/s ... 0.95b + 5 mm/s: no front of (5) moves faster than the
+/// material, but for what conduction does after the screw has slowed.
 /// Cost: one band solve per internal step, no allocation after construction, no throw.
 class MeltObserver {
  public:
@@ -81,7 +82,8 @@ class MeltObserver {
   MeltObserverModel model_;
   MeltObserverNumerics numerics_;
   std::vector<double> nodes_;
-  std::vector<Row> first_;
+  std::vector<Row> first_;       // Biased to the inlet.
+  std::vector<Row> first_back_;  // Biased to the front, for where the mesh outruns the granules.
   std::vector<Row> second_;
   std::array<double, 2> first_of_slope_{};
   std::array<double, 2> second_of_slope_{};

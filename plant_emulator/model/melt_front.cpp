@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 #include "plant_emulator/model/melt_grid.hpp"
@@ -17,11 +18,11 @@ constexpr double kLiquidReferenceCells = 40.0;
 constexpr double kEndCell = 0.15;  // In units of α/b: resolves the thermal layers at inlet, front and nozzle.
 constexpr double kSolidGrowth = 1.3;
 constexpr double kLiquidGrowth = 1.6;
-// Of b. What is left of a step's mismatch is put right in the next step's first guess, so it does not add up, and it
-// vanishes at rest. While the front accelerates, 1e-4 of b is 10 nm per step.
 constexpr double kJoint_m = 1e-3;  // Over which a given profile is joined to T_m at the front.
+// Of b or of the front's own speed. What is left of a step's mismatch is put right in the next step's first guess, so
+// it does not add up, and it vanishes at rest. While the front accelerates, 1e-4 of b is 10 nm per step.
 constexpr double kSpeedTolerance = 1e-4;
-constexpr double kMinSpeedTolerance_m_per_s = 1e-12;
+constexpr double kMinSpeedTolerance_m_per_s = 1e-9;
 constexpr double kMinResidualSlope = 0.05;  // 1 + St; below this the front speed runs away (20.6 K superheat).
 
 std::vector<double> make_phase_nodes(const MeltParameters& parameters, const MeltPhase& phase, double speed_m_per_s,
@@ -173,7 +174,6 @@ bool MeltFront::step(double dt_s, const MeltInput& input) noexcept {
   const double beta = parameters_.front_speed_per_flux_m3_per_J();
   const double k_s = parameters_.solid.conductivity_W_per_mK;
   const double k_l = parameters_.liquid.conductivity_W_per_mK;
-  const double tolerance = std::max(kSpeedTolerance * input.speed_m_per_s, kMinSpeedTolerance_m_per_s);
   const double s_low = 0.5 * kMinLength_m;
   const double s_high = parameters_.length_m - s_low;
 
@@ -185,6 +185,8 @@ bool MeltFront::step(double dt_s, const MeltInput& input) noexcept {
                       .barrel = input.barrel};
   double last_speed = 0.0;
   double last_mismatch = 0.0;
+  double slower = -std::numeric_limits<double>::infinity();  // Bracket of the root.
+  double faster = std::numeric_limits<double>::infinity();
   for (int solve = 0; solve < kMaxSolves; ++solve) {
     trial.front_new_m = std::clamp(front_m_ + dt_s * trial.front_speed_m_per_s, s_low, s_high);
     trial.front_speed_m_per_s = (trial.front_new_m - front_m_) / dt_s;
@@ -193,8 +195,12 @@ bool MeltFront::step(double dt_s, const MeltInput& input) noexcept {
     liquid_front_flux_ = k_l * liquid_.try_step(trial);
     const double mismatch = v - beta * (solid_front_flux_ - liquid_front_flux_);
     if (!std::isfinite(mismatch)) return false;
-    const bool at_limit = trial.front_new_m == s_low || trial.front_new_m == s_high;
-    if (std::abs(mismatch) <= tolerance || (at_limit && solve > 0)) {
+    const double tolerance =
+        std::max(kSpeedTolerance * std::max(input.speed_m_per_s, std::abs(v)), kMinSpeedTolerance_m_per_s);
+    // Against an end of the barrel the front stays there only if the heat drives it further out.
+    const bool leaving =
+        (trial.front_new_m == s_low && mismatch > 0.0) || (trial.front_new_m == s_high && mismatch < 0.0);
+    if (std::abs(mismatch) <= tolerance || leaving) {
       solid_->accept();
       liquid_.accept();
       inlet_flux_ = solid_->inlet_flux_W_per_m2();
@@ -210,7 +216,9 @@ bool MeltFront::step(double dt_s, const MeltInput& input) noexcept {
     residual_slope_ = std::max(residual_slope_, kMinResidualSlope);
     last_speed = v;
     last_mismatch = mismatch;
-    trial.front_speed_m_per_s = v - mismatch / residual_slope_;
+    (mismatch < 0.0 ? slower : faster) = v;
+    const double next = v - mismatch / residual_slope_;
+    trial.front_speed_m_per_s = next > slower && next < faster ? next : 0.5 * (slower + faster);
   }
   return false;
 }

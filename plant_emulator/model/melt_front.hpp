@@ -68,7 +68,7 @@ struct MeltValidity {
 /// throw.
 class MeltFront {
  public:
-  static constexpr int kMaxSolves = 6;
+  static constexpr int kMaxSolves = 12;
   static constexpr double kMinLength_m = 1e-3;
   static constexpr double kMaxSuperheat_K = 10.0;
 

@@ -1,9 +1,13 @@
 #include "plant_emulator/model/melt_scharfetter_gummel.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace meltbench::plant {
 namespace {
+
+/// A slow screw makes μ = √(h/α) so large that e^{μx} is no profile any more within one cell of some millimetres.
+constexpr double kSteepestWeight_1_per_m = 50.0;
 
 /// Bernoulli function P/(e^P - 1); its series where the quotient loses digits.
 double bernoulli(double P) {
@@ -31,8 +35,10 @@ ScharfetterGummelStep::Slopes ScharfetterGummelStep::solve(const Coefficients& c
   const std::size_t n = faces_.size() + 1;
   const double alpha = c.diffusivity_m2_per_s;
   const double h = c.exchange_rate_1_per_s;
-  const double S = std::sqrt(c.speed_m_per_s * c.speed_m_per_s + 4.0 * alpha * h);
-  const double mu = 2.0 * h / (c.speed_m_per_s + S);
+  const double b = c.speed_m_per_s;
+  const double mu = std::min(2.0 * h / (b + std::sqrt(b * b + 4.0 * alpha * h)), kSteepestWeight_1_per_m);
+  const double S = b + 2.0 * alpha * mu;
+  const double sink = h - (alpha * mu + b) * mu;  // What a limited μ leaves of h; else zero but for rounding.
   const double dt = c.dt_s;
   const auto moved = [&](std::size_t i) { return x_new_m[i] - x_old_m[i]; };
   // Flux of θ through an end that moves with speed w: (S - w - αμ) u - α u_x.
@@ -63,7 +69,7 @@ ScharfetterGummelStep::Slopes ScharfetterGummelStep::solve(const Coefficients& c
 
     const double per_shift = dt / left.shift;
     double lower = -per_shift * left.out;
-    double diagonal = volume + per_shift * left.back + dt * right.out;
+    double diagonal = volume * (1.0 + dt * sink) + per_shift * left.back + dt * right.out;
     double upper = -dt * right.back;
     double y = content;
     if (i == 0) {
@@ -96,13 +102,13 @@ ScharfetterGummelStep::Slopes ScharfetterGummelStep::solve(const Coefficients& c
                 last.slope_K_per_m + last.slope_gain_1_per_m * u_K[n - 1]};
   if (first.value_given) {
     const double out = faces_[0].out * u_K[0] - faces_[0].back * u_K[1];
-    const double in = (volume_first * u_K[0] - content_first) / dt + out;
+    const double in = (volume_first * (1.0 + dt * sink) * u_K[0] - content_first) / dt + out;
     slopes.first_K_per_m = (through_first * u_K[0] - in) / alpha;
   }
   if (last.value_given) {
     const Face& face = faces_[n - 2];
     const double in = (face.out * u_K[n - 2] - face.back * u_K[n - 1]) / face.shift;
-    const double out = in - (volume_last * u_K[n - 1] - content_last) / dt;
+    const double out = in - (volume_last * (1.0 + dt * sink) * u_K[n - 1] - content_last) / dt;
     slopes.last_K_per_m = (through_last * u_K[n - 1] - out) / alpha;
   }
   return slopes;

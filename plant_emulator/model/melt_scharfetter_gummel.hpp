@@ -9,13 +9,14 @@ namespace meltbench::plant {
 
 /// One implicit Euler step of advection, diffusion and exchange of u = T_b - T on moving nodes:
 ///
-///   u_t = α u_xx - b u_x - h (u + δ);   θ = u e^{μx},  μ = 2h/(b + S),  S = sqrt(b² + 4 α h)
+///   u_t = α u_xx - b u_x - h (u + δ);   θ = u e^{μx},  μ = 2h/(b + sqrt(b² + 4 α h)),  S = b + 2 α μ
 ///   =>  θ_t + (S θ - α θ_x)_x = -h δ e^{μx}
 ///
 /// δ(x) is the local barrel temperature minus T_b; zero under a uniform barrel, and then the scheme is nodally exact at
-/// steady state. Each cell face carries the exact flux of the steady problem between its two nodes, with the speed
-/// S - w relative to the face's own speed w (Scharfetter & Gummel 1969). θ is kept relative to each node, so no
-/// exponential grows with the length. Band (1,1), M-matrix, hence monotone for any dt.
+/// steady state (below some 1 mm/s μ is limited and what is left of h becomes a sink). Each cell face carries the exact
+/// flux of the steady problem between its two nodes, with the speed S - w relative to the face's own speed w
+/// (Scharfetter & Gummel 1969). θ is kept relative to each node, so no exponential grows with the length. Band (1,1),
+/// M-matrix, hence monotone for any dt.
 class ScharfetterGummelStep {
  public:
   struct Coefficients {

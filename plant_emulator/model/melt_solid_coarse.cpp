@@ -1,3 +1,5 @@
+#include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "plant_emulator/model/melt_grid.hpp"
@@ -22,9 +24,9 @@ class CoarseSolid final : public MeltSolid {
     for (std::size_t i = 0; i < N; ++i) {
       const double advection = step.dt_s * (step.speed_m_per_s - nodes_[i] * step.front_speed_m_per_s) / dx;
       const double T_b = step.barrel.T_degC(nodes_[i] * step.front_new_m / parameters_.length_m);
-      double lower = -diffusion - advection;
-      double diagonal = 1.0 + exchange + 2.0 * diffusion + advection;
-      double upper = -diffusion;
+      double lower = -diffusion - std::max(advection, 0.0);
+      double diagonal = 1.0 + exchange + 2.0 * diffusion + std::abs(advection);
+      double upper = -diffusion + std::min(advection, 0.0);
       double y = T_[i] + exchange * T_b;
       if (i == 0) {  // Mirror node behind the inlet; advection takes the inlet's own slope (gain T_0 - drive)/k_s.
         const double of_slope = (2.0 * diffusion + advection) * dx / k_s;

@@ -28,9 +28,10 @@ class ThirdOrderSolid final : public MeltSolid {
   void assemble(const MeltPhaseStep& step, double drive_W_per_m2, double gain_W_per_m2K) noexcept;
   void eliminate_and_substitute() noexcept;
 
-  std::size_t rows_;                        // Unknown nodes 0 ... N-1; node N is the front.
-  Band first_;                              // d/dξ, upwind-biased: i-2 ... i+1.
-  Band second_;                             // d²/dξ²: i-2 ... i+2 where these exist.
+  std::size_t rows_;  // Unknown nodes 0 ... N-1; node N is the front.
+  Band first_;        // d/dξ, biased to the inlet: i-2 ... i+1.
+  Band first_back_;   // d/dξ, biased to the front: i-1 ... i+2, for where the mesh outruns the granules.
+  Band second_;       // d²/dξ²: i-2 ... i+2 where these exist.
   std::array<double, 2> first_of_slope_{};  // Weight of T_ξ(0) in rows 0 and 1.
   std::array<double, 2> second_of_slope_{};
   std::vector<double> front_slope_weights_;
@@ -42,6 +43,7 @@ ThirdOrderSolid::ThirdOrderSolid(const MeltParameters& parameters, std::vector<d
     : MeltSolid{parameters, std::move(nodes)},
       rows_{nodes_.size() - 1},
       first_{make_band(rows_)},
+      first_back_{make_band(rows_)},
       second_{make_band(rows_)},
       matrix_{make_band(rows_)},
       right_side_(rows_) {
@@ -64,6 +66,8 @@ ThirdOrderSolid::ThirdOrderSolid(const MeltParameters& parameters, std::vector<d
   for (std::size_t i = 2; i < N; ++i) {
     fill(first_, i, i - 2, calc_difference_weights(xi.subspan(i - 2, 4), xi[i], 1), 4);
     const std::size_t width = std::min<std::size_t>(5, N + 1 - (i - 2));
+    const std::size_t back = std::min(i - 1, N - 3);  // Row N-1 has no node beyond the front.
+    fill(first_back_, i, back, calc_difference_weights(xi.subspan(back, 4), xi[i], 1), 4);
     fill(second_, i, i - 2, calc_difference_weights(xi.subspan(i - 2, width), xi[i], 2), width);
   }
   front_slope_weights_ = calc_difference_weights(xi.subspan(N + 1 - kSlopePoints), 1.0, 1);
@@ -90,12 +94,22 @@ void ThirdOrderSolid::assemble(const MeltPhaseStep& step, double drive_W_per_m2,
   const double advection = step.dt_s * step.speed_m_per_s / s;
   const double stretching = -step.dt_s * step.front_speed_m_per_s / s;
   const double* xi = nodes_.data();
+  // b - ξ ds/dt changes its sign at most once, and only after the screw has slowed faster than the front can.
+  std::size_t turn = N;
+  if (advection + stretching < 0.0) {
+    turn = 2;
+    while (turn < N && advection + stretching * xi[turn] >= 0.0) ++turn;
+  }
   for (std::size_t k = 0; k < 5; ++k) {
     const double* first = first_[k].data();
+    const double* first_back = first_back_[k].data();
     const double* second = second_[k].data();
     double* matrix = matrix_[k].data();
-    for (std::size_t i = 0; i < N; ++i) {
+    for (std::size_t i = 0; i < turn; ++i) {
       matrix[i] = diffusion * second[i] + (advection + stretching * xi[i]) * first[i];
+    }
+    for (std::size_t i = turn; i < N; ++i) {
+      matrix[i] = diffusion * second[i] + (advection + stretching * xi[i]) * first_back[i];
     }
   }
   for (std::size_t i = 0; i < N; ++i) matrix_[2][i] += 1.0 + exchange;

@@ -41,6 +41,17 @@ bool connect_to(const UniqueFd& socket, const sockaddr_un& address) {
   return ::connect(socket.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0;
 }
 
+/// Removes the sockets of brokers that were killed: nobody listens on them any more.
+void remove_orphans(const std::string& folder) {
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator{folder, error}) {
+    if (entry.path().extension() != ".bus") continue;
+    if (!connect_to(make_socket(), make_address(entry.path().string())) && errno == ECONNREFUSED) {
+      ::unlink(entry.path().c_str());
+    }
+  }
+}
+
 }  // namespace
 
 std::string embedded_bus_folder() {
@@ -63,13 +74,13 @@ std::string embedded_bus_folder() {
 }
 
 UniqueFd listen_embedded_bus(std::string_view name) {
+  remove_orphans(embedded_bus_folder());
   const std::string path = socket_path(name);
   const sockaddr_un address = make_address(path);
   if (connect_to(make_socket(), address)) {
     throw LinkError{fmt::format("an embedded bus named \"{}\" is running already", name),
                     "end that run, or name this one otherwise: --can virtual:OTHER"};
   }
-  ::unlink(path.c_str());  // Nobody listens there: it was left by a broker that died.
   UniqueFd socket = make_socket();
   if (::bind(socket.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0 ||
       ::listen(socket.get(), 16) != 0) {

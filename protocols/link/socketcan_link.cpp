@@ -86,12 +86,13 @@ OpenedSocket open_socket(const std::string& interface_name) noexcept {
       fmt::format("cannot open CAN interface \"{}\": {} ({})", interface_name, std::strerror(error), error);
   if (failed_at == OpenStep::kSocket && (error == EAFNOSUPPORT || error == EPROTONOSUPPORT)) {
     throw LinkError{what,
-                    "this kernel has no CAN (\"modprobe can can-raw\" may help); without it use --can virtual:bench"};
+                    "this kernel has no CAN (\"modprobe can can-raw\" may help); without it use the embedded bus: "
+                    "\"meltbench run SCENARIO\""};
   }
   if (failed_at == OpenStep::kInterface) {
     throw LinkError{what,
                     "see \"ip link\"; a virtual one: \"ip link add dev vcan0 type vcan && ip link set vcan0 up\"; "
-                    "without hardware use --can virtual:bench"};
+                    "without hardware use the embedded bus: \"meltbench run SCENARIO\""};
   }
   throw LinkError{what, "run as a user who may open CAN sockets, or see \"dmesg\""};
 }

@@ -1,9 +1,9 @@
 #!/bin/sh
 # Other people's programs read our bus.log: tshark decodes every frame as CANopen, python3-can and can-utils read all.
-# Usage: log_readers.sh MELTBENCH SCENARIO.  Status 77: one of the programs is not installed.
+# Usage, from the root: log_readers.sh [MELTBENCH [SCENARIO]].  Status 77: one of the programs is not installed.
 set -eu
-meltbench=$1
-scenario=$2
+meltbench=${1:-build/release/bin/meltbench}
+scenario=${2:-fixtures/scenarios/delay_compensation.toml}
 for program in tshark log2asc /usr/bin/python3; do
   command -v "$program" >/dev/null || { echo "$program is not installed"; exit 77; }
 done

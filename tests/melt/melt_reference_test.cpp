@@ -1,4 +1,7 @@
-// Regenerates fixtures/reference/melt_*.csv; hidden, because it takes 20 s:  melt_tests "[.melt-reference]"
+// Writes fixtures/reference/melt_*.csv anew, into the working directory. Hidden, because it takes 20 s:
+//
+//   melt_tests "[.melt-reference]"
+//
 // Plant: MeltCvode, an integrator and a discretisation of its own, on a mesh where halving changes nothing printed.
 
 #include <fmt/format.h>
@@ -38,7 +41,7 @@ void write_doublet(std::ofstream& file) {
          "degC:\n"
          "# q_f = q_f* - 186.5 W/m2 for T1 = 10 mm/b, q_f* + 186.5 W/m2 for T1, then q_f*.\n"
          "# Made by tests/melt/melt_reference_test.cpp: CVODE (BDF, 1e-8), third-order upwind, 800 + 80 graded cells;\n"
-         "# 400 cells differ by at most 0.8 um. The paper rows agree with a second published-equation solver to 0.1 "
+         "# 400 cells differ by at most 0.8 um. The paper rows agree with a second solver to 0.1 "
          "um.\n"
          "preset,speed_m_per_s,t_over_T1,shift_m\n";
   for (const Preset& preset : {paper_preset(), bench_preset()}) {
@@ -120,11 +123,10 @@ void write_closed_loop(std::ofstream& file) {
 }
 
 TEST_CASE("Reference tables of the melt model are regenerated", "[.melt-reference]") {
-  const std::string folder = std::string{MELTBENCH_SOURCE_DIR} + "/fixtures/reference/";
-  std::ofstream doublet{folder + "melt_doublet.csv"};
+  std::ofstream doublet{"melt_doublet.csv"};
   write_doublet(doublet);
   REQUIRE(doublet.good());
-  std::ofstream closed_loop{folder + "melt_closed_loop.csv"};
+  std::ofstream closed_loop{"melt_closed_loop.csv"};
   write_closed_loop(closed_loop);
   REQUIRE(closed_loop.good());
 }

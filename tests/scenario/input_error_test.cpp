@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "protocols/link/bench_socket.hpp"
 #include "tests/scenario/bench_process.hpp"
 
@@ -46,33 +48,37 @@ TEST_CASE("Bad input: one clear error with its place and a hint, and exit status
 }
 
 TEST_CASE("Bad usage: files that are not there, paces that do not exist, buses that are taken", "[scenario]") {
-  const TemporaryFolder folder;
   const std::string good = scenario_file("delay_compensation");
-  const auto [arguments, expected] = GENERATE_COPY(table<std::vector<std::string>, std::string>({
+  auto [arguments, expected] = GENERATE_COPY(table<std::vector<std::string>, std::string>({
       {{"run", "nowhere.toml"}, "nowhere.toml"},
       {{"run", good, "--pace", "fast"}, "realtime:FACTOR"},
       {{"run", good, "--pace", "realtime", "--in-process"}, "--in-process"},
-      {{"run", good, "--can", "nosuchcan7"}, "nosuchcan7"},
+      {{"run", good, "--can", "nosuchcan7", "--out", "OUT"}, "nosuchcan7"},
       {{"run", good, "--can", "can 0"}, "no CAN bus"},
       {{"run", good, "--out", "/proc/nowhere"}, "/proc/nowhere"},
       {{"report", "/nowhere"}, "/nowhere"},
       {{"fly"}, "fly"},
       {std::vector<std::string>{}, "subcommand"},
   }));
+  const TemporaryFolder folder;
+  std::ranges::replace(arguments, "OUT", folder.path() / "out");  // Each of them has a folder of its own.
   const BenchResult run = run_bench(arguments);
   INFO(run.output);
   CHECK(run.status == 2);
   CHECK_THAT(run.output, Catch::Contains(expected));
+  CHECK(std::filesystem::is_empty(folder.path()));
 }
 
 TEST_CASE("Bad usage: a bus name that another run uses is refused", "[scenario]") {
+  const TemporaryFolder folder;
   const link::UniqueFd other_run = link::listen_embedded_bus("taken-by-a-test");
   const BenchResult run = run_bench({"run", scenario_file("delay_compensation"), "--can", "virtual:taken-by-a-test",
-                                     "--pace", "realtime", "--out", "/tmp/meltbench-never-made"});
+                                     "--pace", "realtime", "--out", folder.path() / "out"});
   link::remove_embedded_bus("taken-by-a-test");
   INFO(run.output);
   CHECK(run.status == 2);
   CHECK_THAT(run.output, Catch::Contains("running already") && Catch::Contains("hint: "));
+  CHECK(std::filesystem::is_empty(folder.path()));
 }
 
 TEST_CASE("Bad usage: the emulator and the controller explain themselves when started by hand", "[scenario]") {

@@ -98,7 +98,7 @@ TEST_CASE("Melt observer: a front that jumps faster than material moves is follo
   auto observer = make_observer(b);
   observer.start_linear(30e-3, 115.0);
   observer.advance(10e-3, make_input(b, 145.0, 40e-3, 115.0));
-  CHECK(observer.front_m() <= 30e-3 + b * 10e-3);
+  CHECK(observer.front_m() <= 30e-3 + (b + 5e-3) * 10e-3);
   for (const double T : observer.T_degC()) {
     CHECK(T > 100.0);
     CHECK(T < 140.0);
@@ -147,6 +147,21 @@ TEST_CASE("Melt observer: while coasting the front moves as (5) says", "[estimat
     observer.advance(10e-3, make_input(b, 135.0, std::nullopt, T0));
   }
   CHECK(observer.front_m() == Approx(front).margin(0.01e-3));
+}
+
+TEST_CASE("Melt observer: after the screw has stopped it still follows a front that conduction moves",
+          "[estimator][melt]") {
+  auto observer = make_observer(10e-3);
+  observer.start_linear(30e-3, 100.0);
+  double front = 30e-3;
+  for (int i = 0; i < 300; ++i) {
+    const double b = i < 100 ? 10e-3 : 0.0;
+    front += (i < 100 ? 4e-3 : 2e-3 * std::exp(-0.05 * (i - 100))) * 10e-3;
+    observer.advance(10e-3, make_input(b, 135.0, front, std::nullopt));
+    REQUIRE(observer.front_m() == Approx(front).epsilon(1e-12));
+    REQUIRE(*std::max_element(observer.T_degC().begin(), observer.T_degC().end()) < 135.5);
+    REQUIRE(*std::min_element(observer.T_degC().begin(), observer.T_degC().end()) > 99.0);
+  }
 }
 
 // Why [K19] (51) is not built: what a distributed gain would correct from Y2 does not reach Y2.

@@ -1,0 +1,98 @@
+#include "protocols/runtime/real_time_driver.hpp"
+
+#include <sys/socket.h>
+
+#include <array>
+#include <catch2/catch.hpp>
+#include <thread>
+
+#include "protocols/link/socketcan_link.hpp"
+#include "tests/bench/bus/toy_participants.hpp"
+
+using namespace meltbench;
+using namespace meltbench::runtime;
+
+namespace {
+
+std::array<link::UniqueFd, 2> make_pair(int type) {
+  std::array<int, 2> ends{};
+  REQUIRE(::socketpair(AF_UNIX, type, 0, ends.data()) == 0);
+  return {link::UniqueFd{ends[0]}, link::UniqueFd{ends[1]}};
+}
+
+/// A metronome of 1 ms under the real-time driver, in a thread of its own; the test holds the other ends.
+class DrivenMetronome {
+ public:
+  DrivenMetronome() {
+    auto can = make_pair(SOCK_DGRAM);
+    auto bench = make_pair(SOCK_SEQPACKET);
+    bus_ = std::move(can[1]);
+    bench_ = std::make_unique<link::BenchSocket>(std::move(bench[1]));
+    thread_ = std::thread{[this, can_end = std::move(can[0]), bench_end = std::move(bench[0])]() mutable {
+      test::Metronome metronome{"metronome", 0x123, 1ms};
+      link::SocketCanLink link{std::move(can_end), "test0", false};
+      BenchClient client{link::BenchSocket{std::move(bench_end)}};
+      end_ = RealTimeDriver{metronome, link, &client, {link::Pace::kWallClock, 1.0, read_monotonic(), 2ms}}.run();
+    }};
+  }
+  ~DrivenMetronome() { stop(); }
+
+  [[nodiscard]] can::CanFrame receive_frame() const {
+    canfd_frame kernel{};
+    const ssize_t size = ::recv(bus_.get(), &kernel, sizeof(kernel), 0);
+    return link::from_kernel_frame(kernel, static_cast<std::size_t>(size)).value();
+  }
+  void send_frame(const can::CanFrame& frame) const {
+    canfd_frame kernel{};
+    const std::size_t size = link::to_kernel_frame(frame, kernel);
+    REQUIRE(::send(bus_.get(), &kernel, size, 0) == static_cast<ssize_t>(size));
+  }
+  void unplug() { bus_ = link::UniqueFd{}; }
+
+  /// The next report: sent, received, deadline misses, frames lost, worst lateness.
+  [[nodiscard]] std::array<double, 5> receive_report(std::vector<Event>& events) {
+    std::span<const std::uint8_t> message;
+    REQUIRE(bench_->receive(message) == link::ReceiveStatus::kMessage);
+    std::array<double, 5> values{};
+    REQUIRE(read_report(message, events, values).has_value());
+    return values;
+  }
+
+  DriverEnd stop() {
+    if (thread_.joinable()) {
+      link::MessageWriter writer;
+      writer.begin(link::MessageType::kStop);
+      static_cast<void>(bench_->send(writer.bytes()));
+      thread_.join();
+    }
+    return end_;
+  }
+
+ private:
+  link::UniqueFd bus_;
+  std::unique_ptr<link::BenchSocket> bench_;
+  DriverEnd end_ = DriverEnd::kBenchLost;
+  std::thread thread_;
+};
+
+}  // namespace
+
+TEST_CASE("Real-time driver: frames go out in order, arrive, and are reported until the bench says stop", "[runtime]") {
+  DrivenMetronome driven;
+  for (std::uint8_t count = 1; count <= 20; ++count) CHECK(driven.receive_frame() == can::make_frame(0x123, {count}));
+  driven.send_frame(can::make_frame(0x80, {}));
+  std::vector<Event> events;
+  while (driven.receive_report(events)[1] < 1) CHECK(events.empty());
+  CHECK(driven.stop() == DriverEnd::kStopped);
+}
+
+TEST_CASE("Real-time driver: an unplugged link is told to the bench, and what cannot be sent is counted", "[runtime]") {
+  DrivenMetronome driven;
+  static_cast<void>(driven.receive_frame());
+  driven.unplug();
+  std::vector<Event> events;
+  while (events.empty()) static_cast<void>(driven.receive_report(events));
+  CHECK(events.front().code == "link-down");
+  while (driven.receive_report(events)[3] < 5) CHECK(events.empty());
+  CHECK(driven.stop() == DriverEnd::kStopped);
+}
