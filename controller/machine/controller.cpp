@@ -363,7 +363,8 @@ void Controller::make_signals() {
                              "solid_margin_K", "trim_K", "gain_speed_m_per_s", "front_coasted_m", "inlet_coasted_m"}) {
       signals_.push_back({fmt::format("controller.{}", name)});
     }
-    for (std::size_t i = 0; i < kProfilePoints; ++i) signals_.push_back({fmt::format("controller.T_{:02}_degC", i)});
+    for (std::size_t i = 0; i < MeltLoop::kProfilePoints; ++i)
+      signals_.push_back({fmt::format("controller.T_{:02}_degC", i)});
   }
   for (std::size_t i = 0; zones_ && i < zones_->zone_count(); ++i) {
     const std::size_t channel = zones_->channel(i);
@@ -405,15 +406,14 @@ void Controller::read_signals(std::span<double> values) const {
     put(loop.request().feedforward_W_per_m2);
     put(loop.request().Z_W_per_m2);
     put(loop.T_inlet_degC());
-    put(loop.T_degC(0.0));
+    put(loop.T_inlet_estimate_degC());
     put(loop.T_barrel_degC());
     put(loop.solid_margin_K());
     put(loop.trim_K());
     put(loop.gain_speed_m_per_s());
     put(seen.front_coasted_m);
     put(seen.inlet_coasted_m);
-    const double spacing_m = melt_->length_m() / static_cast<double>(kProfilePoints - 1);
-    for (std::size_t i = 0; i < kProfilePoints; ++i) put(loop.T_degC(spacing_m * static_cast<double>(i)));
+    for (const double T_degC : loop.profile_degC()) put(T_degC);
   }
   for (std::size_t i = 0; zones_ && i < zones_->zone_count(); ++i) {
     put(zones_->set_degC(i));

@@ -54,9 +54,6 @@ class Controller final : public Participant {
 
   [[nodiscard]] ControllerState state() const { return state_; }
 
-  /// Points of the estimated profile, x = i L/(n - 1): signals controller.T_00_degC and on.
-  static constexpr std::size_t kProfilePoints = 41;
-
  private:
   void on_link(Instant now, LinkState link, Outbox& out);
   void on_frame(Instant now, const can::CanFrame& frame, Outbox& out);

@@ -41,7 +41,6 @@ class MeltControl {
   void set_material(const MaterialSettings& material);
 
   [[nodiscard]] const MeltLoop& loop() const { return *loop_; }
-  [[nodiscard]] double length_m() const { return melt_.model.length_m; }
 
  private:
   void make_loop() { loop_ = std::make_unique<MeltLoop>(melt_, facts_, sync_period_); }

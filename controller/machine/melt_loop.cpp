@@ -103,6 +103,8 @@ void MeltLoop::stop() {
   inlet_at_.reset();
   mean_flux_W_per_m2_.reset();
   front_coasted_m_ = inlet_coasted_m_ = 0.0;
+  profile_degC_.fill(settings_.model.T_melt_degC);
+  solid_margin_K_ = 0.0;
   request_ = {.T_reference_degC = settings_.model.T_melt_degC};  // Of no consequence without a gain.
 }
 
@@ -165,6 +167,7 @@ std::optional<MeltRequest> MeltLoop::calc(Instant sync_at) {
     inlet_coasted_m_ = inlet_fresh_ ? 0.0 : inlet_coasted_m_ + b_m_per_s_ * dt_s;
   }
   calculated_at_ = sync_at;
+  look_at_estimate();
   reference_ = law::calc_melt_reference(settings_.model, T_barrel_degC_, gain_speed_m_per_s_, settings_.front_set_m);
   if (!reference_) return {};
 
@@ -187,28 +190,26 @@ std::optional<MeltRequest> MeltLoop::calc(Instant sync_at) {
   return request_;
 }
 
-double MeltLoop::T_degC(double x_m) const {
+// Nodes and points both rise: one walk along both.
+void MeltLoop::look_at_estimate() {
   const std::span<const double> nodes = observer_.nodes();
   const std::span<const double> T = observer_.T_degC();
-  const double xi = front_m_ > 0.0 ? x_m / front_m_ : 1.0;
-  if (xi >= 1.0) return settings_.model.T_melt_degC;
-  const auto after = std::upper_bound(nodes.begin(), nodes.end(), xi);
-  const auto i = static_cast<std::size_t>(std::distance(nodes.begin(), after));
-  if (i == 0) return T.front();
-  const double share = (xi - nodes[i - 1]) / (nodes[i] - nodes[i - 1]);
-  return T[i - 1] + share * (T[i] - T[i - 1]);
-}
-
-double MeltLoop::solid_margin_K() const {
-  const std::span<const double> T = observer_.T_degC();
-  return running_ ? settings_.model.T_melt_degC - *std::max_element(T.begin(), T.end()) : 0.0;
+  const double spacing_m = settings_.model.length_m / static_cast<double>(kProfilePoints - 1);
+  std::size_t right = 1;
+  for (std::size_t i = 0; i < kProfilePoints; ++i) {
+    const double xi = spacing_m * static_cast<double>(i) / observer_.front_m();
+    while (right + 1 < nodes.size() && nodes[right] < xi) ++right;
+    const double share = (xi - nodes[right - 1]) / (nodes[right] - nodes[right - 1]);
+    profile_degC_[i] = xi < 1.0 ? T[right - 1] + share * (T[right] - T[right - 1]) : settings_.model.T_melt_degC;
+  }
+  solid_margin_K_ = settings_.model.T_melt_degC - *std::max_element(T.begin(), T.end());
 }
 
 safety::MeltObservation MeltLoop::observe() const {
   safety::MeltObservation seen;
   seen.front_m = front_m_;
   if (inlet_fresh_) seen.T_inlet_degC = T_inlet_degC_;
-  seen.T_solid_max_degC = settings_.model.T_melt_degC - solid_margin_K();
+  seen.T_solid_max_degC = settings_.model.T_melt_degC - solid_margin_K_;
   seen.front_coasted_m = front_coasted_m_;
   seen.inlet_coasted_m = inlet_coasted_m_;
   return seen;

@@ -2,6 +2,7 @@
 /// The loop that holds the melting front: samples of the boards in, request to the inlet preconditioner out. It does
 /// not know of CAN.
 
+#include <array>
 #include <cstddef>
 #include <memory>
 #include <optional>
@@ -136,10 +137,13 @@ class MeltLoop {
   [[nodiscard]] const MeltRequest& request() const { return request_; }
   [[nodiscard]] double reference_flux_W_per_m2() const { return reference_ ? reference_->inlet_flux_W_per_m2 : 0.0; }
   [[nodiscard]] double trim_K() const { return backstepping_ == nullptr ? 0.0 : backstepping_->trim_K(); }
-  /// Estimate at x [°C]: granules below the front, melting point at it and after it.
-  [[nodiscard]] double T_degC(double x_m) const;
+  /// Points of the profile for a recording, x = i L/(n - 1).
+  static constexpr std::size_t kProfilePoints = 41;
+  /// The estimate [°C]: granules before the front, the melting point at it and after it. As of the last calc().
+  [[nodiscard]] std::span<const double, kProfilePoints> profile_degC() const { return profile_degC_; }
+  [[nodiscard]] double T_inlet_estimate_degC() const { return observer_.T_inlet_degC(); }
   /// T_m - max That: margin to (6) of [K19] in the estimate; negative = violated.
-  [[nodiscard]] double solid_margin_K() const;
+  [[nodiscard]] double solid_margin_K() const { return solid_margin_K_; }
   [[nodiscard]] safety::MeltObservation observe() const;
 
  private:
@@ -147,6 +151,7 @@ class MeltLoop {
   [[nodiscard]] estimator::MeltObserverInput make_input(Instant sync_at);
   void start_observer(Instant sync_at);
   void follow_speed(double dt_s);
+  void look_at_estimate();
 
   MeltSettings settings_;
   MeltFacts facts_;
@@ -172,6 +177,8 @@ class MeltLoop {
   double front_coasted_m_ = 0.0;
   double inlet_coasted_m_ = 0.0;
   MeltRequest request_;
+  std::array<double, kProfilePoints> profile_degC_{};
+  double solid_margin_K_ = 0.0;
 };
 
 }  // namespace meltbench::machine

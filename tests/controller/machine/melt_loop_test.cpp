@@ -155,7 +155,7 @@ TEST_CASE("Melt loop: without the board's report the inlet follows what the boar
   bench.thermometer = false;
   bench.run_s(0.5);
   // 2 α/b² = 4 ms: the board's loop has long brought the inlet to the reference.
-  CHECK(bench.loop.T_degC(0.0) == Approx(bench.loop.request().T_reference_degC).margin(0.5));
+  CHECK(bench.loop.profile_degC()[0] == Approx(bench.loop.request().T_reference_degC).margin(0.5));
 }
 
 TEST_CASE("Melt loop: gains follow the measured speed no faster than the ramp, the estimate at once", "[machine]") {
@@ -189,15 +189,15 @@ TEST_CASE("Melt loop: a stop forgets estimate and trim, and a new start needs ne
   CHECK(bench.loop.request().gain_W_per_m2K == 0.0);
   bench.run_s(0.01);
   CHECK(bench.loop.is_running());
-  CHECK(bench.loop.T_degC(0.0) == Approx(105.0));  // 20 K below the measured inlet again.
+  CHECK(bench.loop.profile_degC()[0] == Approx(105.0));  // 20 K below the measured inlet again.
 }
 
 TEST_CASE("Melt loop: the estimate is the melting point from the front on", "[machine]") {
   Bench bench;
-  bench.run_s(0.1);
-  CHECK(bench.loop.T_degC(0.03) == 135.0);
-  CHECK(bench.loop.T_degC(0.1) == 135.0);
-  CHECK(bench.loop.T_degC(0.029) < 135.0);
+  bench.run_s(0.1);  // Front at 30 mm, points every 2.5 mm.
+  CHECK(bench.loop.profile_degC()[12] == 135.0);
+  CHECK(bench.loop.profile_degC()[40] == 135.0);
+  CHECK(bench.loop.profile_degC()[11] < 135.0);
   CHECK(bench.loop.solid_margin_K() == 0.0);
 }
 
