@@ -113,7 +113,8 @@ TEST_CASE("Rig: a board given twice, an unknown kind, no board, an unknown table
   const RigFolder folder;
   CHECK_THAT(complaint_of([&] { (void)folder.root(kRig + "[board.feeder]\n"); }), Contains("r.toml:12:"));
   CHECK_THAT(folder.complaint("[rig]\nname=\"r\"\n[board.p]\nkind = \"feder\"\n"),
-             Contains("must be one of feeder, screw_drive, melt_pressure | did you mean \"feeder\"?"));
+             Contains("must be one of feeder, screw_drive, melt_pressure, heater, preconditioner, melt_camera | did "
+                      "you mean \"feeder\"?"));
   CHECK_THAT(folder.complaint("[rig]\nname=\"r\"\n"), Contains("at least one board"));
   CHECK_THAT(folder.complaint(kRig + "[plnat]\n"), Contains("r.toml:12:2: plnat: unknown key | did you mean plant?"));
 }
