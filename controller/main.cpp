@@ -24,7 +24,7 @@ int complain(const char* what, const std::string& hint) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"controller - hold the filled length of a screw extruder over CANopen"};
+  CLI::App app{"controller - hold filled length, melting front and zones of a screw extruder over CANopen"};
   std::string rig;
   meltbench::runtime::ProgramOptions options;
   app.add_option("--rig", rig, "machine description (TOML)")->required();

@@ -76,7 +76,7 @@ TEST_CASE("Controller settings: identities come from the boards' EDS files", "[m
 }
 
 TEST_CASE("Controller settings: the rigs of the fixtures can be read", "[machine]") {
-  const std::string name = GENERATE("bizone.toml", "bizone_paper.toml");
+  const std::string name = GENERATE("bizone.toml", "bizone_paper.toml", "melt.toml", "coupled.toml");
   const auto file = std::filesystem::path{MELTBENCH_SOURCE_DIR} / "fixtures" / "rigs" / name;
   CHECK_NOTHROW(read_settings(config::Section{config::read_toml_file(file)}));
 }
@@ -147,4 +147,125 @@ TEST_CASE("Controller settings: an EDS that is none is refused with its own plac
   text.replace(text.find(good), good.size(), file.string());
   CHECK_THAT(complain(text).what, Contains("eds") && Contains("meltbench_settings_test.eds"));
   std::filesystem::remove(file);
+}
+
+// --- melting front, zones, sequence
+
+namespace {
+
+const std::string kDrive = make_board("screw_drive", 6, "screw_drive.eds");
+const std::string kFrontBoards =
+    make_board("preconditioner", 8, "preconditioner.eds") + make_board("melt_camera", 9, "melt_camera.eds");
+const std::string kHeater = make_board("heater", 10, "heater.eds");
+
+/// A rig of the melting front alone, plus what a test adds to [controller.melt] and after it.
+std::string make_melt_rig(const std::string& melt = "front_set_point_m = 0.05\n", const std::string& rest = "") {
+  return "[rig]\nname = \"test\"\n" + kDrive + kFrontBoards + "[controller]\n[controller.melt]\n" + melt + rest;
+}
+
+/// Everything.
+std::string make_coupled_rig(const std::string& rest = "") {
+  return make_rig("set_point_m = 0.08\n", kFrontBoards + kHeater +
+                                              "[controller.melt]\nfront_set_point_m = 0.08\n"
+                                              "[controller.zones]\nbarrel_degC = [140, 145]\nnozzle_degC = 150\n" +
+                                              rest);
+}
+
+}  // namespace
+
+TEST_CASE("Controller settings: a rig of the melting front needs a set point and has every default", "[machine]") {
+  const ControllerSettings settings = read(make_melt_rig());
+  CHECK_FALSE(settings.has_length_loop());
+  CHECK_FALSE(settings.zones);
+  CHECK_FALSE(settings.sequence);
+  REQUIRE(settings.melt);
+  CHECK(settings.melt->law == "output_feedback");
+  CHECK(settings.melt->front_set_m == 0.05);
+  CHECK(settings.melt->model.T_melt_degC == 135.0);
+  CHECK(settings.melt->model.solid.barrel_exchange_W_per_m3K == 2e4);
+  CHECK(settings.melt->T_barrel_degC == 145.0);
+  CHECK(settings.melt->speed_m_per_s == 0.002);
+  CHECK(settings.run_speed_rev_per_s() == Approx(0.2));
+  CHECK_THAT(complain(make_melt_rig("")).what, Contains("front_set_point_m"));
+  CHECK_THAT(complain(make_melt_rig("front_set_point_m = 0.1\n")).what, Contains("front_set_point_m = 0.1"));
+}
+
+TEST_CASE("Controller settings: the model of the front follows the emulated plant, and can differ", "[machine]") {
+  const std::string plant = "[plant]\nkind = \"melt\"\npreset = \"bench\"\nspeed_m_per_s = 0.01\n";
+  const ControllerSettings same = read(make_melt_rig("front_set_point_m = 0.05\n", plant));
+  CHECK(same.melt->model.solid.barrel_exchange_W_per_m3K == 9e4);
+  CHECK(same.melt->speed_m_per_s == 0.01);
+  const ControllerSettings other =
+      read(make_melt_rig("front_set_point_m = 0.05\n",
+                         "[controller.melt.model]\nbarrel_exchange_W_per_m3K = 1e5\nspeed_m_per_s = 0.012\n" + plant));
+  CHECK(other.melt->model.solid.barrel_exchange_W_per_m3K == 1e5);
+  CHECK(other.melt->speed_m_per_s == 0.012);
+}
+
+TEST_CASE("Controller settings: a coupled rig has both loops, its length from one screw, its melt from the material",
+          "[machine]") {
+  const ControllerSettings settings =
+      read(make_coupled_rig("[controller.sequence]\nsoak_s = 20\n[plant]\nkind = \"coupled\"\nmaterial = \"ldpe\"\n"));
+  REQUIRE(settings.melt);
+  REQUIRE(settings.zones);
+  REQUIRE(settings.sequence);
+  CHECK(settings.has_length_loop());
+  CHECK(settings.melt->model.length_m == 0.2);
+  CHECK(settings.melt->model.solid.barrel_exchange_W_per_m3K == 9e4);
+  CHECK(settings.melt->model.T_melt_degC == 110.0);
+  CHECK(settings.model.mass_per_length_kg_per_m == Approx(852.7 * 2.2383097e-4));
+  CHECK(settings.viscosity.per_K == Approx(49e3 / (8.314 * 393.15 * 393.15)));
+  CHECK(settings.viscosity.at_degC == 120.0);
+  REQUIRE(settings.zones->zones.size() == 3);
+  CHECK(settings.zones->zones[1].set_degC == 145.0);
+  CHECK(settings.zones->zones[2].channel == kNozzleChannel);
+  CHECK(settings.zones->limits.max_degC == 190.0);
+  CHECK(settings.sequence->soak == 20s);
+  CHECK(settings.sequence->hold_rev_per_s == Approx(0.75));
+}
+
+TEST_CASE("Controller settings: boards that make half a loop are refused with the other half", "[machine]") {
+  const std::string head = "[rig]\nname = \"test\"\n" + kDrive;
+  const std::string tail = "[controller]\n[controller.melt]\nfront_set_point_m = 0.05\n";
+  CHECK_THAT(complain(head + make_board("melt_camera", 9, "melt_camera.eds") + tail).what, Contains("preconditioner"));
+  CHECK_THAT(complain(head + kFrontBoards + make_board("feeder", 5, "feeder.eds") + tail).what,
+             Contains("melt_pressure"));
+  CHECK_THAT(complain("[rig]\nname = \"test\"\n" + kFrontBoards + tail).what, Contains("screw_drive"));
+  CHECK_THAT(complain(make_melt_rig("front_set_point_m = 0.05\n", kHeater)).what, Contains("zones"));
+}
+
+TEST_CASE("Controller settings: zones want one number each, and the limit lies above them", "[machine]") {
+  const auto zones = [](const std::string& text) {
+    return complain(make_melt_rig("front_set_point_m = 0.05\n", kHeater + "[controller.zones]\n" + text)).what;
+  };
+  CHECK(zones("barrel_degC = [145]\n").empty());
+  CHECK_THAT(zones("barrel_degC = []\n"), Contains("1 to 4"));
+  CHECK_THAT(zones("barrel_degC = [1, 2, 3, 4, 5]\n"), Contains("1 to 4"));
+  CHECK_THAT(zones("barrel_degC = [145]\nmax_degC = 140\n"), Contains("max_degC = 140"));
+}
+
+TEST_CASE("Controller settings: the timeline speaks to front, screw, zones and sequence", "[machine]") {
+  const auto event = [](const std::string& action, const std::string& keys) {
+    return "[[event]]\nat_s = 1\ntarget = \"controller\"\naction = \"" + action + "\"\n" + keys;
+  };
+  const ControllerSettings settings = read(make_coupled_rig(
+      "[controller.sequence]\n[controller.material.soft]\nmaterial = \"ldpe\"\n" +
+      event("front_set_point", "value = 0.09\n") + event("screw_speed", "rpm = 60\n") +
+      event("zone_set_point", "value = 150\n") + event("material", "name = \"soft\"\n") + event("shut_down", "")));
+  REQUIRE(settings.orders.size() == 5);
+  CHECK(settings.orders[0].value == 0.09);
+  CHECK(settings.orders[1].value == Approx(1.0));
+  CHECK(settings.orders[2].value == 150.0);
+  CHECK(settings.orders[3].index == 0);
+  CHECK(settings.orders[4].order == SequenceOrder::kShutDown);
+  REQUIRE(settings.materials.size() == 1);
+  CHECK(settings.materials[0].T_barrel_degC == 120.0);
+  CHECK(settings.materials[0].filled.theta2_per_m < settings.model.theta2_per_m);  // Denser than HDPE's melt.
+
+  CHECK_THAT(complain(make_coupled_rig(event("start", ""))).what, Contains("sequence"));
+  CHECK_THAT(complain(make_rig("set_point_m = 0.16\n", event("front_set_point", "value = 0.1\n"))).what,
+             Contains("melting front"));
+  CHECK_THAT(complain(make_coupled_rig(event("material", "name = \"wood\"\n"))).what, Contains("wood"));
+  CHECK_THAT(complain(make_melt_rig("front_set_point_m = 0.05\n", event("set_point", "value = 0.1\n"))).what,
+             Contains("filled length"));
 }
