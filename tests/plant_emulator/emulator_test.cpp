@@ -330,17 +330,27 @@ TEST_CASE("Emulator: a feeder left at full flow floods the screw, with an event"
                       [](const Event& event) { return event.code == "screw-flooded"; }) == 1);
 }
 
-TEST_CASE("Emulator: the steady loop does not allocate", "[emulator]") {
-  Wire wire;
+TEST_CASE("Emulator: the steady loop does not allocate, with all boards of the coupled extruder neither",
+          "[emulator]") {
+  const bool coupled = GENERATE(false, true);
+  const std::string boards = std::string{MELTBENCH_SOURCE_DIR} + "/fixtures/boards/";
+  const std::string more = "[board.inlet]\nkind = 'preconditioner'\nnode_id = 8\neds = '" + boards +
+                           "preconditioner.eds'\n[board.camera]\nkind = 'melt_camera'\nnode_id = 9\neds = '" + boards +
+                           "melt_camera.eds'\n[board.heater]\nkind = 'heater'\nnode_id = 10\neds = '" + boards +
+                           "heater.eds'\n";
+  Wire wire{coupled ? make_rig("kind = 'coupled'", "", more) : make_rig("")};
   wire.send(0x000, {0x01, 0x00});
   Outbox out;
   std::vector<double> values(wire.emulator.signals().size());
   can::CanFrame set_point = can::make_frame(0x200 + kFeeder, {0, 0, 0, 0});
+  can::CanFrame inlet = can::make_frame(0x208, {0, 0, 0, 0, 0, 0, 0, 0});
+  can::CanFrame heater = can::make_frame(0x30A, {0xAA, 0x05, 0x1F});  // 145 degC, all released.
+  canopen::store(std::span{inlet.bytes}, 0, 131.9F);
   const auto run = [&](int from, int to) {
     for (int k = from; k < to; ++k) {
       const Instant now{k * 10ms};
       canopen::store(std::span{set_point.bytes}, 0, 3.0F + 0.1F * static_cast<float>(k % 5));
-      const can::StampedFrame frames[] = {{now, canopen::make_sync()}, {now, set_point}};
+      const can::StampedFrame frames[] = {{now, canopen::make_sync()}, {now, set_point}, {now, inlet}, {now, heater}};
       out.clear();
       wire.emulator.wake({now, frames, LinkState::kUp}, out);
       wire.emulator.read_signals(values);
