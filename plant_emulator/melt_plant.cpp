@@ -92,6 +92,8 @@ MeltPlant::MeltPlant(const MeltPlantSettings& settings)
       signals_{{"plant.speed_m_per_s"}, {"plant.conveyed_m"}},
       speed_m_per_s_{settings.speed_m_per_s} {
   signals_.insert(signals_.end(), melt_signals().begin(), melt_signals().end());
+  signals_.push_back({"melt.length_m"});  // What a report needs to draw the profile and the front to scale.
+  signals_.push_back({"melt.T_melt_degC"});
   if (settings.start == MeltStart::kLinear) {
     column_.melt().start_linear(settings.start_front_m, settings.start_T_inlet_degC);
   } else {
@@ -138,6 +140,8 @@ void MeltPlant::read_signals(std::span<double> values) const {
   values[1] = conveyed_m_;
   read_melt_signals(column_.melt(), settings_.melt.length_m, column_.front_m(now_), column_.flux(now_).now_W_per_m2,
                     values.subspan(2));
+  values[signals_.size() - 2] = settings_.melt.length_m;
+  values[signals_.size() - 1] = settings_.melt.T_melt_degC;
 }
 
 }  // namespace meltbench::emulator

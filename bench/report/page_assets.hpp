@@ -7,5 +7,7 @@ namespace meltbench::report {
 
 extern const std::string_view kPageStyle;   ///< CSS.
 extern const std::string_view kPageScript;  ///< JavaScript; needs dygraphs, its synchronizer, and the element #data.
+/// JavaScript after kPageScript; fills the element #profiles.
+extern const std::string_view kProfileScript;
 
 }  // namespace meltbench::report

@@ -4,11 +4,14 @@ namespace meltbench::report {
 
 const std::string_view kPageScript = R"js(
 "use strict";
+const bench = {};  // What the page's other scripts use of this one.
 (() => {
   const page = JSON.parse(document.getElementById("data").textContent);
   const overlaid = page.runs.length > 1;
   const graphs = [];
   const hiddenRuns = new Set();
+  const listeners = { moment: [], window: [], redraw: [] };
+  const tell = (what, ...values) => { for (const listener of listeners[what]) listener(...values); };
   const css = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const make = (tag, attributes, text) => {
     const element = document.createElement(tag);
@@ -18,12 +21,14 @@ const std::string_view kPageScript = R"js(
   };
 
   // float32 as base64: NaN is a gap in the line, +Infinity is "no sample here" (null for dygraphs: the line goes on).
-  const decode = text => {
+  const decodeBytes = text => {
     const raw = atob(text);
     const bytes = new Uint8Array(raw.length);
     for (let i = 0; i < raw.length; ++i) bytes[i] = raw.charCodeAt(i);
-    return Array.from(new Float32Array(bytes.buffer), value => value === Infinity ? null : value);
+    return bytes.buffer;
   };
+  const decode = text =>
+    Array.from(new Float32Array(decodeBytes(text)), value => value === Infinity ? null : value);
 
   // Six digits, and no "1e-7" next to "0.0001": small and large numbers all get the exponent form.
   const format = value => {
@@ -41,7 +46,8 @@ const std::string_view kPageScript = R"js(
     const isSetPoint = plot.signals.length > 1 && series.signal.includes("set_point");
     if (series.run < 0) return { color: "--muted", dash: isSetPoint ? [4, 4] : dashes[index % 6] };
     if (overlaid) return { color: "--run" + series.run % 8, dash: dashes[index % 6] };
-    return isSetPoint ? { color: "--muted", dash: [4, 4] } : { color: "--run" + index % 8, dash: null };
+    if (isSetPoint) return { color: "--muted", dash: [4, 4] };
+    return { color: "--run" + index % 8, dash: plot.dashed ? dashes[index % 6] : null };
   };
 
   const markColor = { fault: "--bad", failed: "--bad", warning: "--warn", info: "--muted" };
@@ -74,6 +80,7 @@ const std::string_view kPageScript = R"js(
   const help = near.textContent;
   const showMoment = t => {
     clock.textContent = t === null ? "" : "t = " + t.toFixed(3) + " s";
+    if (t !== null) tell("moment", t);
     if (t === null || graphs.length === 0) { near.textContent = help; return; }
     const graph = graphs[0].graph;
     const reach = 6 * (graph.toDataXCoord(1) - graph.toDataXCoord(0));
@@ -113,6 +120,12 @@ const std::string_view kPageScript = R"js(
     }
   };
 
+  // A finger on a plot scrolls the page; the buttons with times zoom.
+  const interaction = Object.assign({}, Dygraph.defaultInteractionModel);
+  for (const touch of ["touchstart", "touchmove", "touchend"]) delete interaction[touch];
+  const lineStyles = plot => Object.fromEntries(plot.series.map((series, i) =>
+    ["s" + i, { strokePattern: look(plot, series).dash, strokeWidth: series.signal === plot.signals[0] ? 1.8 : 1.2 }]));
+
   const addPlot = plot => {
     plot.signals = [...new Set(plot.series.map(s => s.signal))];
     plot.series.reverse();  // What is drawn last lies on top: the first signal, which is the truth where there is one.
@@ -127,18 +140,10 @@ const std::string_view kPageScript = R"js(
     addLegend(caption, entry);
     const columns = plot.series.map(series => decode(series.data));
     const rows = page.t.map((t, row) => [t, ...columns.map(column => column[row])]);
-    const options = {};
-    plot.series.forEach((series, i) => {
-      const { dash } = look(plot, series);
-      options["s" + i] = { strokePattern: dash, strokeWidth: series.signal === plot.signals[0] ? 1.8 : 1.2 };
-    });
-    // A finger on a plot scrolls the page; the buttons with times zoom.
-    const interaction = Object.assign({}, Dygraph.defaultInteractionModel);
-    for (const touch of ["touchstart", "touchmove", "touchend"]) delete interaction[touch];
     entry.graph = new Dygraph(place, rows, {
       labels: ["t", ...plot.series.map((_, i) => "s" + i)],
       colors: colors(entry),
-      series: options,
+      series: lineStyles(plot),
       legend: "never",
       connectSeparatedPoints: true,
       interactionModel: interaction,
@@ -150,6 +155,7 @@ const std::string_view kPageScript = R"js(
       axisLineColor: css("--line"),
       highlightCircleSize: 3,
       underlayCallback: drawMarks,
+      drawCallback: () => { if (graphs[0] === entry) tell("window"); },
       highlightCallback: (event, t, points) => {
         showMoment(t);
         for (const { graph, outputs } of graphs) {
@@ -167,12 +173,12 @@ const std::string_view kPageScript = R"js(
     graphs.push(entry);
   };
 
+  const restyle = entry => entry.graph.updateOptions({
+    colors: colors(entry), gridLineColor: css("--grid"), axisLineColor: css("--line"), visibility: visibility(entry)
+  });
   const redraw = () => {
-    for (const entry of graphs) {
-      entry.graph.updateOptions({
-        colors: colors(entry), gridLineColor: css("--grid"), axisLineColor: css("--line"), visibility: visibility(entry)
-      });
-    }
+    graphs.forEach(restyle);
+    tell("redraw");
   };
 
   page.plots.forEach(addPlot);
@@ -196,9 +202,16 @@ const std::string_view kPageScript = R"js(
       const t = Number(button.dataset.t);
       const half = (whole[1] - whole[0]) / 40;
       zoom([Math.max(whole[0], t - half), Math.min(whole[1], t + half)]);
+      tell("moment", t);
       document.getElementById("plots-title").scrollIntoView({ behavior: "smooth" });
     });
   }
+
+  const visibleWindow = () => all.length ? all[0].xAxisRange() : whole;
+  Object.assign(bench, {
+    page, css, make, format, decodeBytes, colors, visibility, addLegend, interaction, lineStyles, restyle, hiddenRuns,
+    listeners, visibleWindow
+  });
 })();
 )js";
 

@@ -9,14 +9,14 @@ const std::string_view kPageStyle = R"css(
   --page: #ffffff; --panel: #f6f7f8; --line: #dfe2e6; --text: #1d2126; --muted: #626a75; --grid: #e8eaed;
   --good: #1a7f43; --bad: #c0271e; --warn: #b06a00; --good-bg: #e9f6ee; --bad-bg: #fceceb; --link: #1f5fa8;
   --run0: #1f6fb4; --run1: #d1602a; --run2: #23875a; --run3: #8e55b3; --run4: #a67c00; --run5: #1b8fa0; --run6: #c2477f;
-  --run7: #6b7280;
+  --run7: #6b7280; --below: #1f6fb4; --middle: #f3f3f1; --above: #c0392b;
 }
 @media (prefers-color-scheme: dark) {
   :root {
     --page: #15181c; --panel: #1d2126; --line: #343a42; --text: #e4e7eb; --muted: #9aa3ae; --grid: #2a2f36;
     --good: #5cc98a; --bad: #ff8a80; --warn: #f0b352; --good-bg: #16291f; --bad-bg: #321c1b; --link: #7fb6f0;
     --run0: #6cb2f2; --run1: #f08d5a; --run2: #5cc492; --run3: #c795e0; --run4: #e0b84c; --run5: #6fd3e3; --run6: #f083b4;
-    --run7: #a3acb9;
+    --run7: #a3acb9; --below: #6cb2f2; --middle: #22262c; --above: #ff8a70;
   }
 }
 * { box-sizing: border-box; }
@@ -85,6 +85,26 @@ figcaption output { color: var(--text); margin-left: .4em; }
 .plots figure:first-child .plot { height: 320px; }
 .dygraph-axis-label { color: var(--muted); font-size: 12px; background: none; }
 
+.profiles { margin-bottom: 2rem; }
+.profiles .plot { height: 300px; }
+.scrub { display: flex; gap: .9rem; align-items: center; margin: .35rem 0 1.25rem; }
+.scrub input { flex: 1; min-width: 0; accent-color: var(--link); }
+.scrub output { min-width: 8em; text-align: right; }
+.play { color: var(--link); min-width: 4.5em; text-align: left; }
+.choices { display: flex; flex-wrap: wrap; gap: .3rem 1.1rem; align-items: center; margin-bottom: .4rem; }
+.choices b { font-weight: 600; }
+.choice { display: inline-flex; border: 1px solid var(--line); border-radius: 6px; overflow: hidden; }
+.choice button { padding: .1rem .7rem; font-size: .87em; color: var(--muted); }
+.choice button + button { border-left: 1px solid var(--line); }
+.choice button[aria-pressed=true] { background: var(--panel); color: var(--text); font-weight: 600; }
+.scale { width: 240px; height: 30px; }
+.maps { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 380px), 1fr)); gap: .9rem 1.5rem; }
+.map { position: relative; height: 230px; overflow: hidden; }
+.map canvas { position: absolute; inset: 0; width: 100%; height: 100%; cursor: crosshair; }
+.cursor { position: absolute; top: 6px; bottom: 22px; width: 0; border-left: 1px solid #fff; pointer-events: none;
+          filter: drop-shadow(0 0 1px #000); }
+[hidden] { display: none; }
+
 .histograms { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 250px), 1fr)); gap: 1.1rem 1.75rem; }
 .histograms svg { display: block; width: 100%; height: 80px; border-bottom: 1px solid var(--muted); }
 .histograms rect { fill: var(--run); }
@@ -103,7 +123,8 @@ footer { margin-top: 3rem; color: var(--muted); font-size: .87em; }
   table.checks td:nth-child(1), table.checks td:nth-child(2), table.checks td.number { display: inline-block; }
   .failed td { background: none; }
   table.facts th, table.facts td { padding-right: .6rem; }
-  .plots figure:first-child .plot { height: 240px; }
+  .plots figure:first-child .plot, .profiles .plot { height: 240px; }
+  .map { height: 190px; }
 }
 @media print { .bar { position: static; } .reset, .near { display: none; } figure { break-inside: avoid; } }
 )css";

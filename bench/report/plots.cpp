@@ -6,7 +6,6 @@
 #include <array>
 #include <bit>
 #include <cmath>
-#include <cstdint>
 #include <cstring>
 #include <initializer_list>
 #include <limits>
@@ -14,6 +13,9 @@
 #include <optional>
 #include <string_view>
 #include <utility>
+
+#include "bench/report/base64.hpp"
+#include "bench/report/profiles.hpp"
 
 namespace meltbench::report {
 namespace {
@@ -50,16 +52,6 @@ struct Group {
   std::vector<std::string> signals;
 };
 
-std::vector<std::string> all_signals(std::span<const Run> runs) {
-  std::vector<std::string> names;
-  for (const Run& run : runs) {
-    for (const SignalInfo& signal : run.recording->signals) {
-      if (std::find(names.begin(), names.end(), signal.name) == names.end()) names.push_back(signal.name);
-    }
-  }
-  return names;
-}
-
 bool is_counter(std::span<const Run> runs, std::string_view name) {
   return std::any_of(runs.begin(), runs.end(), [&](const Run& run) {
     const auto column = run.recording->find_signal(name);
@@ -82,9 +74,15 @@ std::optional<double> find_still_value(std::span<const Run> runs, std::string_vi
 }
 
 /// Known plots first, then the rest each alone (their sizes differ too much to share an axis), error counters last.
-/// Still signals are left out unless they belong to a known plot of which another one moves.
+/// Still signals are left out unless they belong to a known plot of which another one moves. The points of profiles are
+/// no lines of ours: see profiles.hpp.
 std::vector<Group> make_groups(std::span<const Run> runs, std::vector<std::string>& still) {
   std::vector<std::string> rest = all_signals(runs);
+  for (const ProfileSignals& profile : find_profile_signals(rest)) {
+    std::erase_if(rest, [&](const std::string& name) {
+      return std::find(profile.names.begin(), profile.names.end(), name) != profile.names.end();
+    });
+  }
   const auto take = [&](std::string_view name) {
     const auto found = std::find(rest.begin(), rest.end(), name);
     if (found == rest.end()) return false;
@@ -222,23 +220,17 @@ void add_series(Plot& plot, std::span<const Run> runs, const std::string& signal
   plot.series[first].run = -1;
 }
 
-std::string to_base64(std::span<const float> values) {
-  static_assert(std::endian::native == std::endian::little, "the page reads little-endian float32");
-  constexpr std::string_view kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::vector<std::uint8_t> bytes(values.size_bytes());
-  if (!bytes.empty()) std::memcpy(bytes.data(), values.data(), bytes.size());
-  std::string text;
-  text.reserve(bytes.size() / 3 * 4 + 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    const std::size_t count = std::min<std::size_t>(3, bytes.size() - i);
-    std::uint32_t group = 0;
-    for (std::size_t j = 0; j < 3; ++j) group = group << 8U | (j < count ? bytes[i + j] : 0U);
-    for (std::size_t j = 0; j < 4; ++j) text += j <= count ? kDigits[group >> (18 - 6 * j) & 0x3FU] : '=';
-  }
-  return text;
-}
-
 }  // namespace
+
+std::vector<std::string> all_signals(std::span<const Run> runs) {
+  std::vector<std::string> names;
+  for (const Run& run : runs) {
+    for (const SignalInfo& signal : run.recording->signals) {
+      if (std::find(names.begin(), names.end(), signal.name) == names.end()) names.push_back(signal.name);
+    }
+  }
+  return names;
+}
 
 Plots make_plots(std::span<const Run> runs, std::size_t max_values) {
   Plots result;
@@ -259,6 +251,7 @@ Plots make_plots(std::span<const Run> runs, std::size_t max_values) {
 }
 
 std::string write_plots_json(const Plots& plots) {
+  static_assert(std::endian::native == std::endian::little, "the page reads little-endian float32");
   using Json = nlohmann::ordered_json;
   std::string times;
   // Six digits after the point: a microsecond is far below a pixel.
@@ -272,7 +265,8 @@ std::string write_plots_json(const Plots& plots) {
   for (const Plot& plot : plots.plots) {
     Json series = Json::array();
     for (const PlotSeries& s : plot.series) {
-      series.push_back(Json{{"signal", s.signal}, {"run", s.run}, {"data", to_base64(s.values)}});
+      series.push_back(
+          Json{{"signal", s.signal}, {"run", s.run}, {"data", to_base64(std::as_bytes(std::span{s.values}))}});
     }
     list.push_back(Json{{"title", plot.title}, {"unit", plot.unit}, {"series", std::move(series)}});
   }

@@ -29,8 +29,11 @@ struct Plots {
   bool thinned = false;            ///< Buckets of minimum and maximum instead of every row.
 };
 
+/// Names of the signals of all runs, each once, in the order of the recordings.
+[[nodiscard]] std::vector<std::string> all_signals(std::span<const Run> runs);
+
 /// Groups and thins the signals of the runs. What belongs together shares a plot, the closed loop first; a signal that
-/// we do not know has a plot of its own.
+/// we do not know has a plot of its own. The points of a profile (profiles.hpp) are left out.
 ///
 /// If all runs have the same rows and they fit, every row is kept. Else each run is cut into equal buckets of time,
 /// of which the smallest and the largest value are kept in their order, so no peak is lost.

@@ -10,6 +10,7 @@
 #include "bench/report/escape.hpp"
 #include "bench/report/page_assets.hpp"
 #include "bench/report/plots.hpp"
+#include "bench/report/profiles.hpp"
 #include "bench/report/sections.hpp"
 #include "bench/report/whole_file.hpp"
 
@@ -61,17 +62,18 @@ nlohmann::ordered_json collect_marks(std::span<const Run> runs) {
   return marks;
 }
 
-std::string make_page_data(std::span<const Run> runs, const Plots& plots) {
+std::string make_page_data(std::span<const Run> runs, const Plots& plots, std::span<const Profile> profiles) {
   using Json = nlohmann::ordered_json;
   constexpr auto kReplace = Json::error_handler_t::replace;
   const Json names = name_runs(runs);
   // Put together as text: the times and values are by far the largest part and need no tree.
   const std::string data = write_plots_json(plots);
   return escape_script_json("{\"runs\":" + names.dump(-1, ' ', false, kReplace) +
-                            ",\"marks\":" + collect_marks(runs).dump(-1, ' ', false, kReplace) + "," + data.substr(1));
+                            ",\"marks\":" + collect_marks(runs).dump(-1, ' ', false, kReplace) +
+                            ",\"profiles\":" + write_profiles_json(profiles) + "," + data.substr(1));
 }
 
-std::string render_plots(std::span<const Run> runs, const Plots& plots) {
+std::string render_plots(std::span<const Run> runs, const Plots& plots, bool has_profiles) {
   std::string html =
       "<h2 id=\"plots-title\">Signals</h2>\n<noscript><p>The plots need JavaScript; signals.csv has the numbers.</p>"
       "</noscript>\n<div class=\"bar\">";
@@ -86,8 +88,9 @@ std::string render_plots(std::span<const Run> runs, const Plots& plots) {
       "<span class=\"clock\" id=\"clock\"></span><span class=\"near\" id=\"near\">drag to zoom, shift and drag to "
       "move, "
       "double click to show all</span>"
-      "<button class=\"reset\" id=\"reset\">show all</button></div>\n"
-      "<div class=\"plots\" id=\"plots\"></div>\n<p class=\"muted\">Time in seconds since the start of the run.";
+      "<button class=\"reset\" id=\"reset\">show all</button></div>\n";
+  if (has_profiles) html += "<div class=\"profiles\" id=\"profiles\"></div>\n";
+  html += "<div class=\"plots\" id=\"plots\"></div>\n<p class=\"muted\">Time in seconds since the start of the run.";
   if (plots.thinned) {
     html += " Long runs are thinned to the smallest and largest value per stretch of time; signals.csv has every row.";
   }
@@ -103,6 +106,7 @@ std::string render_plots(std::span<const Run> runs, const Plots& plots) {
 
 std::string render_report(std::span<const Run> runs) {
   const Plots plots = make_plots(runs);
+  const std::vector<Profile> profiles = make_profiles(runs);
   const record::RunInfo& info = runs[0].recording->info;
   std::string page = fmt::format(
       "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
@@ -113,7 +117,7 @@ std::string render_report(std::span<const Run> runs) {
   page += "</style>\n</head>\n<body>\n";
   page += render_title(runs);
   page += render_checks(runs);
-  page += render_plots(runs, plots);
+  page += render_plots(runs, plots, !profiles.empty());
   page += render_what_was_run(runs);
   page += render_events(runs);
   page += render_frame_timing(runs);
@@ -121,13 +125,14 @@ std::string render_report(std::span<const Run> runs) {
   page += fmt::format("<footer>{}. Plots by dygraphs (MIT license).</footer>\n",
                       escape_markup(info.version.empty() ? "meltbench" : info.version));
   page += "<script type=\"application/json\" id=\"data\">";
-  page += make_page_data(runs, plots);
+  page += make_page_data(runs, plots, profiles);
   page += "</script>\n<script>";
   page += read_asset("dist/dygraph.min.js");
   page += "</script>\n<script>";
   page += read_asset("extras/synchronizer.js");
   page += "</script>\n<script>";
   page += kPageScript;
+  if (!profiles.empty()) page += kProfileScript;
   page += "</script>\n</body>\n</html>\n";
   return page;
 }

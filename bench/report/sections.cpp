@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 #include <optional>
+#include <string_view>
 #include <utility>
 
 #include "bench/record/bus_statistics.hpp"
@@ -68,6 +69,42 @@ std::string describe_end(const record::Recording& recording) {
                                  to_s(recording.info.duration));
   if (!ending.text.empty()) text += ": " + ending.text;
   return text;
+}
+
+struct Seen {
+  double last = 0;
+  double range = 0;
+};
+
+/// Last value of a signal, and the range of all; what has no value in a row is skipped.
+std::optional<Seen> see_signal(const record::Recording& recording, std::string_view name) {
+  const auto column = recording.find_signal(name);
+  std::optional<Seen> seen;
+  double min = 0;
+  double max = 0;
+  for (std::size_t row = 0; column && row < recording.row_count(); ++row) {
+    const double value = recording.value(row, *column);
+    if (!std::isfinite(value)) continue;
+    min = seen ? std::min(min, value) : value;
+    max = seen ? std::max(max, value) : value;
+    seen = Seen{value, max - min};
+  }
+  return seen;
+}
+
+/// What the plant's accounts of mass and energy are off by at the end.
+std::string describe_balances(const record::Recording& recording) {
+  std::vector<std::string> parts;
+  if (const auto mass = see_signal(recording, "plant.mass_residual_m")) {
+    parts.push_back("mass residual " + format_quantity(mass->last, "m"));
+  }
+  const auto energy = see_signal(recording, "melt.energy_residual_m");
+  const auto stored = see_signal(recording, "melt.energy_stored_m");
+  if (energy && stored && stored->range > 0) {
+    parts.push_back(fmt::format("energy residual {:.3g} % of the range of the stored energy",
+                                100 * std::abs(energy->last) / stored->range));
+  }
+  return fmt::format("{}", fmt::join(parts, "; "));
 }
 
 std::string describe_participants(const record::Recording& recording) {
@@ -249,6 +286,7 @@ std::string render_what_was_run(std::span<const Run> runs) {
   html += fact_of("end", runs, describe_end);
   html += fact_of("pace", runs, [](const Recording& r) { return r.info.pace; });
   html += fact_of("speed", runs, describe_speed);
+  html += fact_of("balances", runs, describe_balances);
   html += fact_of("participants", runs, describe_participants);
   html += fact_of("version", runs, [](const Recording& r) { return r.info.version; });
   html += "</tbody></table></div>\n";
