@@ -163,7 +163,13 @@ void Controller::obey(Instant now, const Order& order, Outbox& out) {
       }
       break;
   }
-  if (feed_ && feed_->set_safe(run_rev_per_s_ * settings_.pitch_m, demand().feed != FeedMode::kNone)) {
+  update_safe_flow(now, out);
+}
+
+void Controller::update_safe_flow(Instant now, Outbox& out) {
+  if (!feed_) return;
+  const SequenceDemand wanted = demand();
+  if (feed_->set_safe(wanted.screw_rev_per_s * settings_.pitch_m, wanted.feed != FeedMode::kNone)) {
     tell_safe_flow(now, out);
   }
 }
@@ -280,10 +286,8 @@ void Controller::run_sequence(Instant now, Outbox& out) {
   const SequenceDemand wanted = demand();
   if (zones_) zones_->release(wanted.heat);
   screw_.set_target(wanted.screw_rev_per_s);
-  if (feed_ && feed_->set_safe(run_rev_per_s_ * settings_.pitch_m, wanted.feed != FeedMode::kNone)) {
-    if (wanted.feed == FeedMode::kOpenLoop) feed_->start_empty();
-    tell_safe_flow(now, out);
-  }
+  if (feed_ && changed && sequence_->phase() == SequencePhase::kFilling) feed_->start_empty();  // The screw has stood.
+  update_safe_flow(now, out);
 }
 
 void Controller::control_feed(Instant now, Outbox& out) {

@@ -62,6 +62,7 @@ class Controller final : public Participant {
 
   void run_timeline(Instant now, Outbox& out);
   void obey(Instant now, const Order& order, Outbox& out);
+  void update_safe_flow(Instant now, Outbox& out);
   void tell_safe_flow(Instant now, Outbox& out);
 
   void close_cycle_if_due(Instant now, Outbox& out);

@@ -49,7 +49,7 @@ FeedControl::FeedControl(const ControllerSettings& settings)
       feeder_id_{settings.board(BoardKind::kFeeder).node_id},
       pressure_id_{settings.board(BoardKind::kMeltPressure).node_id},
       loop_{std::make_unique<LengthLoop>(settings, BoardFacts{})},
-      safe_speed_m_per_s_{settings.model.speed_m_per_s},
+      safe_speed_m_per_s_{settings.sequence ? 0.0 : settings.model.speed_m_per_s},
       safe_feeds_{!settings.sequence} {}
 
 void FeedControl::connect(const BusManager& bus) {

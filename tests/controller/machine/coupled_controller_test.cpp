@@ -188,6 +188,7 @@ TEST_CASE("Coupled controller: hold goes slower, purge stops the feed, shut down
   warm_up(rig);
   rig.run_for_s(14.0);
   CHECK(rig.process.rev_per_s == Approx(0.75).epsilon(1e-4));
+  CHECK(rig.feeder.od().at(0x2005).get<float>() == Approx(0.5 * 3.788).epsilon(1e-3));  // Safe is in step, too.
   CHECK(rig.feeder.flow_kg_per_h() > 0.0);
   rig.process.x_m = 0.1;
   rig.run_for_s(16.0);
