@@ -1,4 +1,4 @@
-# make run    builds and runs the main scenario          make test   runs every test that this machine can run
+# make run    builds and runs the main scenarios         make test   runs every test that this machine can run
 # make build  builds the three programs                  make bench  measures speeds
 BIN := build/release/bin
 RUN_OUT := build/run
@@ -7,6 +7,7 @@ RUN_OUT := build/run
 
 run: build
 	@$(BIN)/meltbench run fixtures/scenarios/delay_compensation.toml --out $(RUN_OUT)
+	@$(BIN)/meltbench run fixtures/scenarios/coupled_start_up.toml --out $(RUN_OUT)/coupled_start_up
 
 test: build
 	@cmake --build --preset release

@@ -38,6 +38,8 @@ CoupledPlant::CoupledPlant(const plant::ExtruderParameters& parameters)
   for (const char* name : {"barrel.heated_J", "barrel.lost_J", "barrel.to_polymer_J", "barrel.energy_residual_J"}) {
     signals_.push_back({name});
   }
+  signals_.push_back({"melt.length_m"});  // What a report needs to draw the profile and the front to scale.
+  signals_.push_back({"melt.T_melt_degC"});
 }
 
 std::size_t CoupledPlant::zone_of(std::size_t channel) const {
@@ -115,6 +117,8 @@ void CoupledPlant::read_signals(std::span<double> values) const {
   values[1] = barrel.lost_J();
   values[2] = barrel.to_polymer_J();
   values[3] = barrel.energy_residual_J();
+  values[4] = length_m;
+  values[5] = p.polymer.melt.T_melt_degC;
 }
 
 }  // namespace meltbench::emulator

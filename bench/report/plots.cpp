@@ -33,6 +33,18 @@ struct KnownPlot {
 /// The closed loop in the order in which one reads it. Signals of one line share a plot.
 const KnownPlot kKnownPlots[] = {
     {"Filled length", {"plant.x_m", "controller.x_m", "controller.set_point_m", "controller.P_m"}},
+    {"Melting front", {"melt.front_m", "controller.front_m", "controller.front_set_m", "melt_camera.front_m"}},
+    {"Inlet temperature",
+     {"melt.T_inlet_degC", "controller.T_inlet_degC", "controller.T_inlet_estimate_degC", "melt_camera.T_inlet_degC"}},
+    {"Inlet heat flux", {"melt.q_f_W_per_m2", "controller.q_f_W_per_m2", "controller.q_f_star_W_per_m2"}},
+    {"Barrel temperatures",
+     {"barrel.T_zone1_degC", "barrel.T_zone2_degC", "barrel.T_zone3_degC", "barrel.T_zone4_degC",
+      "barrel.T_nozzle_degC", "controller.zone1_set_degC"}},
+    {"Heater power",
+     {"barrel.power_zone1_W", "barrel.power_zone2_W", "barrel.power_zone3_W", "barrel.power_zone4_W",
+      "barrel.power_nozzle_W"}},
+    {"Margins of the melt model", {"melt.solid_margin_K", "melt.liquid_margin_K", "controller.solid_margin_K"}},
+    {"Margin between granules and filled zone", {"plant.melt_margin_m"}},
     {"Inlet filling ratio U", {"plant.U", "controller.U_command", "controller.U_applied"}},
     {"Delay", {"plant.delay_s", "controller.delay_s"}},
     {"Rate of the delay", {"plant.delay_rate"}},
