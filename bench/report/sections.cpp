@@ -104,6 +104,11 @@ std::string describe_balances(const record::Recording& recording) {
     parts.push_back(fmt::format("energy residual {:.3g} % of the range of the stored energy",
                                 100 * std::abs(energy->last) / stored->range));
   }
+  const auto barrel = see_signal(recording, "barrel.energy_residual_J");
+  const auto heated = see_signal(recording, "barrel.heated_J");
+  if (barrel && heated && heated->last > 0) {
+    parts.push_back(fmt::format("barrel {:.3g} % of the heat put in", 100 * std::abs(barrel->last) / heated->last));
+  }
   return fmt::format("{}", fmt::join(parts, "; "));
 }
 

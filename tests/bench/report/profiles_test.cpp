@@ -99,7 +99,7 @@ TEST_CASE("Profiles: points are neither plotted as lines nor named as standing s
   const check::CheckResults results;
   const std::vector<Run> runs{{&recording, &results}};
   const Plots plots = make_plots(runs);
-  CHECK(plots.plots.size() == 3);  // Both fronts and the stored energy; all else stands still.
+  CHECK(plots.plots.size() == 2);  // The fronts in one, and the stored energy; all else stands still.
   for (const Plot& plot : plots.plots) {
     for (const PlotSeries& series : plot.series) CHECK(series.signal.find(".T_") == std::string::npos);
   }
