@@ -212,7 +212,7 @@ std::vector<MaterialChange> read_material_changes(const std::vector<config::Time
   std::vector<MaterialChange> changes;
   for (const config::TimelineEvent& event : events) {
     if (event.action != "material")
-      event.section.fail("action", "must be \"material\"", "what else happens to a plant?");
+      event.section.fail("action", "must be \"material\"", "it is the only one that a plant knows");
     const auto* extruder = std::get_if<plant::ExtruderParameters>(&plant);
     if (extruder == nullptr) {
       event.section.fail("action", "needs a plant of kind = \"coupled\"", "the others know but one material");
