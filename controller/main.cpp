@@ -1,7 +1,6 @@
 /// The controller as a program: joins the wire that it is told, and runs until it is told to stop.
 
 #include <CLI/CLI.hpp>
-#include <cstdio>
 #include <exception>
 #include <string>
 
@@ -10,18 +9,6 @@
 #include "protocols/config/toml.hpp"
 #include "protocols/link/can_link.hpp"
 #include "protocols/runtime/program.hpp"
-
-namespace {
-
-constexpr int kBadInput = 2;
-
-int complain(const char* what, const std::string& hint) {
-  std::fprintf(stderr, "error: %s\n", what);
-  if (!hint.empty()) std::fprintf(stderr, "hint: %s\n", hint.c_str());
-  return kBadInput;
-}
-
-}  // namespace
 
 int main(int argc, char** argv) {
   CLI::App app{"controller - hold filled length, melting front and zones of a screw extruder over CANopen"};
@@ -37,17 +24,17 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);  // --help.
-    return complain(error.what(), "see controller --help");
+    return meltbench::runtime::complain(error.what(), "see controller --help");
   }
   try {
     const meltbench::config::Section root{meltbench::config::read_toml_file(rig)};
     meltbench::machine::Controller controller{meltbench::machine::read_settings(root)};
     return meltbench::runtime::run_program(controller, options);
   } catch (const meltbench::config::ConfigError& error) {
-    return complain(error.what(), error.hint());
+    return meltbench::runtime::complain(error.what(), error.hint());
   } catch (const meltbench::link::LinkError& error) {
-    return complain(error.what(), error.hint());
+    return meltbench::runtime::complain(error.what(), error.hint());
   } catch (const std::exception& error) {
-    return complain(error.what(), {});
+    return meltbench::runtime::complain(error.what(), {});
   }
 }

@@ -2,7 +2,6 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdint>
-#include <cstdio>
 #include <exception>
 #include <string>
 
@@ -13,14 +12,6 @@
 #include "protocols/runtime/program.hpp"
 
 namespace {
-
-constexpr int kBadInput = 2;
-
-int complain(const char* what, const std::string& hint) {
-  std::fprintf(stderr, "error: %s\n", what);
-  if (!hint.empty()) std::fprintf(stderr, "hint: %s\n", hint.c_str());
-  return kBadInput;
-}
 
 meltbench::emulator::EmulatorSettings read_settings(const std::string& file) {
   const meltbench::config::Section root{meltbench::config::read_toml_file(file)};
@@ -46,16 +37,17 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kBadInput;
+    if (error.get_exit_code() == 0) return app.exit(error);  // --help.
+    return meltbench::runtime::complain(error.what(), "see plant_emulator --help");
   }
   try {
     meltbench::emulator::Emulator emulator{read_settings(rig), seed};
     return meltbench::runtime::run_program(emulator, options);
   } catch (const meltbench::config::ConfigError& error) {
-    return complain(error.what(), error.hint());
+    return meltbench::runtime::complain(error.what(), error.hint());
   } catch (const meltbench::link::LinkError& error) {
-    return complain(error.what(), error.hint());
+    return meltbench::runtime::complain(error.what(), error.hint());
   } catch (const std::exception& error) {
-    return complain(error.what(), {});
+    return meltbench::runtime::complain(error.what(), {});
   }
 }

@@ -72,11 +72,6 @@ std::optional<std::string> ChildProcess::find_end() {
   return fmt::format("ended with status {}", WEXITSTATUS(*wait_status_));
 }
 
-std::optional<int> ChildProcess::exit_status() {
-  if (!poll_end() || !WIFEXITED(*wait_status_)) return std::nullopt;
-  return WEXITSTATUS(*wait_status_);
-}
-
 void ChildProcess::finish() {
   const auto until = std::chrono::steady_clock::now() + kGrace;
   while (!poll_end() && std::chrono::steady_clock::now() < until) {

@@ -23,8 +23,6 @@ class ChildProcess {
   [[nodiscard]] const std::string& name() const { return name_; }
   /// How it ended, in words ("ended with status 2", "was killed by signal 9"); nothing while it runs.
   [[nodiscard]] std::optional<std::string> find_end();
-  /// Its exit status, if it has ended by itself.
-  [[nodiscard]] std::optional<int> exit_status();
   /// Waits for it to end by itself for as long as a program takes to notice that it shall; then kills it.
   void finish();
 

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <deque>
-
 #include "protocols/link/bench_socket.hpp"
 #include "protocols/link/can_link.hpp"
 #include "protocols/runtime/bench_protocol.hpp"

@@ -1,5 +1,6 @@
 #include "protocols/runtime/program.hpp"
 
+#include <fmt/format.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
@@ -15,6 +16,7 @@ namespace meltbench::runtime {
 namespace {
 
 constexpr int kExitOk = 0;
+constexpr int kExitBadInput = 2;
 constexpr int kExitLost = 3;
 
 struct Joined {
@@ -76,6 +78,12 @@ int run_program(Participant& participant, const ProgramOptions& options) {
   const link::BusUri uri = link::parse_bus_uri(options.can);
   if (uri.kind == link::BusUri::Kind::kVirtual) return run_on_embedded_bus(participant, uri.name);
   return run_on_kernel_bus(participant, uri.name, options.bench);
+}
+
+int complain(const std::string& what, const std::string& hint) {
+  fmt::print(stderr, "error: {}\n", what);
+  if (!hint.empty()) fmt::print(stderr, "hint: {}\n", hint);
+  return kExitBadInput;
 }
 
 }  // namespace meltbench::runtime

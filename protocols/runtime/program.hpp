@@ -18,4 +18,8 @@ struct ProgramOptions {
 /// @throws link::LinkError if the wire cannot be joined.
 [[nodiscard]] int run_program(Participant& participant, const ProgramOptions& options);
 
+/// Tells the user what is wrong with what the program was given: "error: ..." and, if there is one, "hint: ...".
+/// @returns the exit status for that: 2.
+int complain(const std::string& what, const std::string& hint);
+
 }  // namespace meltbench::runtime
