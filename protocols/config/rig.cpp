@@ -9,25 +9,27 @@ namespace meltbench::config {
 namespace {
 
 constexpr Range kNodeId = between(1, 127, "CANopen has the node ids 1..127");
+constexpr Range kUnit = between(1, 247, "Modbus has the unit addresses 1..247; 0 is broadcast");
 
-/// Who owns which node id, to name the first one when the second comes.
-class NodeIds {
+/// Who owns which node id of the bus, or which unit address of a line, to name the first one when the second comes.
+class Addresses {
  public:
-  std::uint8_t take(const Section& section, std::string_view owner, std::uint8_t node_id) {
-    std::string& holder = holders_[node_id];
-    if (!holder.empty()) {
-      section.fail("node_id", fmt::format("already taken by {}", holder),
-                   "every node on the bus needs its own id, 1..127");
-    }
+  Addresses(std::string_view key, std::string_view hint) : key_{key}, hint_{hint} {}
+  std::uint8_t take(const Section& section, std::string_view owner, std::uint8_t address) {
+    std::string& holder = holders_[address];
+    if (!holder.empty()) section.fail(key_, fmt::format("already taken by {}", holder), hint_);
     holder = owner;
-    return node_id;
+    return address;
   }
 
  private:
-  std::array<std::string, 128> holders_;
+  std::string_view key_;
+  std::string_view hint_;
+  std::array<std::string, 248> holders_;
 };
 
-bool is_board_name(std::string_view name) {
+/// Lower-case letters, digits and _.
+bool is_part_name(std::string_view name) {
   return !name.empty() && std::all_of(name.begin(), name.end(), [](char letter) {
     return (letter >= 'a' && letter <= 'z') || (letter >= '0' && letter <= '9') || letter == '_';
   });
@@ -56,8 +58,55 @@ std::filesystem::path read_eds_path(const Section& board) {
   return eds;
 }
 
-RigBoard read_board(const Section& board, const std::string& name, NodeIds& ids) {
-  if (!is_board_name(name)) {
+RigLine read_line(const Section& line, const std::string& name) {
+  if (!is_part_name(name)) {
+    line.fail_here(fmt::format("line name \"{}\" must be lower-case letters, digits and _", name),
+                   "boards and options name it, e.g. [line.feeder_line]");
+  }
+  static constexpr std::array<std::int64_t, 8> kRates{1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200};
+  RigLine result{name, {}};
+  const std::int64_t rate = line.integer_or("baud_rate", result.settings.baud_rate);
+  if (std::find(kRates.begin(), kRates.end(), rate) == kRates.end()) {
+    line.fail("baud_rate", fmt::format("must be one of {}", fmt::join(kRates, ", ")), "what all serial ports can do");
+  }
+  result.settings.baud_rate = static_cast<std::uint32_t>(rate);
+  const std::string format = line.choice_or("format", "8E1", {"8E1", "8N1", "8O1", "8N2"});
+  if (format[1] != 'E') result.settings.parity = format[1] == 'O' ? serial::Parity::kOdd : serial::Parity::kNone;
+  result.settings.stop_bits = static_cast<std::uint8_t>(format[2] - '0');
+  return result;
+}
+
+/// A line, and who has which unit address on it.
+struct LineAddresses {
+  std::string line;
+  Addresses units{"unit", "every unit on a line needs its own address, 1..247"};
+};
+
+void put_on_line(RigBoard& board, std::vector<LineAddresses>& lines) {
+  for (const char* key : {"node_id", "eds", "heartbeat_ms"}) {
+    if (board.section.has(key)) {
+      board.section.fail(key, "goes with CAN, but this board is on a line",
+                         "a board has either node_id and eds, or line and unit");
+    }
+  }
+  board.line = board.section.text("line");
+  const auto found = std::find_if(lines.begin(), lines.end(), [&](const auto& one) { return one.line == board.line; });
+  if (found == lines.end()) {
+    board.section.fail("line", "is no line of this rig", fmt::format("it needs a table [line.{}]", board.line));
+  }
+  board.unit = static_cast<std::uint8_t>(board.section.integer("unit", kUnit));
+  found->units.take(board.section, "board." + board.name, board.unit);
+}
+
+void put_on_bus(RigBoard& board, Addresses& ids) {
+  const auto node_id = static_cast<std::uint8_t>(board.section.integer("node_id", kNodeId));
+  board.node_id = ids.take(board.section, "board." + board.name, node_id);
+  board.eds = read_eds_path(board.section);
+  board.heartbeat = board.section.duration_or("heartbeat_ms", 100, between(1, 65'535));
+}
+
+RigBoard read_board(const Section& board, const std::string& name) {
+  if (!is_part_name(name)) {
     board.fail_here(fmt::format("board name \"{}\" must be lower-case letters, digits and _", name),
                     "it becomes a part of signal names, e.g. [board.feeder]");
   }
@@ -67,13 +116,7 @@ RigBoard read_board(const Section& board, const std::string& name, NodeIds& ids)
                                                      {"heater", BoardKind::kHeater},
                                                      {"preconditioner", BoardKind::kPreconditioner},
                                                      {"melt_camera", BoardKind::kMeltCamera}});
-  const auto node_id = static_cast<std::uint8_t>(board.integer("node_id", kNodeId));
-  return RigBoard{.name = name,
-                  .kind = kind,
-                  .node_id = ids.take(board, "board." + name, node_id),
-                  .eds = read_eds_path(board),
-                  .heartbeat = board.duration_or("heartbeat_ms", 100, between(1, 65'535)),
-                  .section = board};
+  return RigBoard{.name = name, .kind = kind, .section = board};
 }
 
 }  // namespace
@@ -116,14 +159,32 @@ Rig read_rig(const Section& root) {
   rig.title = about.text_or("title", rig.name);
   rig.bus = read_bus(root.section_or_empty("bus"));
 
-  NodeIds ids;
+  Addresses ids{"node_id", "every node on the bus needs its own id, 1..127"};
   const Section controller = root.peek("controller");
   const auto controller_id = static_cast<std::uint8_t>(controller.integer_or("node_id", 127, kNodeId));
   rig.controller_node_id = ids.take(controller, "controller", controller_id);
+  std::vector<LineAddresses> units;
+  const Section lines = root.section_or_empty("line");
+  for (const std::string& name : lines.keys()) {
+    rig.lines.push_back(read_line(lines.section(name), name));
+    units.push_back({name});
+  }
   const Section boards = root.peek("board");
-  for (const std::string& name : boards.keys()) rig.boards.push_back(read_board(boards.peek(name), name, ids));
+  for (const std::string& name : boards.keys()) {
+    RigBoard board = read_board(boards.peek(name), name);
+    if (board.section.has("line"))
+      put_on_line(board, units);
+    else
+      put_on_bus(board, ids);
+    rig.boards.push_back(std::move(board));
+  }
   if (rig.boards.empty()) root.fail_here("no [board.NAME]: a rig has at least one board", "e.g. [board.feeder]");
   return rig;
+}
+
+const serial::LineSettings& settings_of_line(const Rig& rig, std::string_view line) {
+  return std::find_if(rig.lines.begin(), rig.lines.end(), [&](const RigLine& one) { return one.name == line; })
+      ->settings;
 }
 
 std::vector<TimelineEvent> read_events(const Section& root, const Rig& rig, std::string_view target) {

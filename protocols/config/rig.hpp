@@ -2,8 +2,8 @@
 /// The part of a rig that everyone on the bus reads: bus settings, boards, events of the timeline.
 ///
 /// One TOML text describes a whole run. Who reads what:
-///   [rig] [bus]                   all (here)
-///   [board.NAME]                  kind, node_id, eds, heartbeat_ms here; the rest by the emulator
+///   [rig] [bus] [line.NAME]       all (here)
+///   [board.NAME]                  kind, node_id, eds, heartbeat_ms, line, unit here; the rest by the emulator
 ///   [plant]                       the emulator
 ///   [controller]                  node_id here; the rest by the controller
 ///   [scenario] [[check]] [health] the bench
@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "protocols/config/section.hpp"
+#include "protocols/serial/line_settings.hpp"
 #include "protocols/time/instant.hpp"
 
 namespace meltbench::config {
@@ -34,13 +35,24 @@ struct RigBus {
   Nanos sync_period{10'000'000};  ///< sync_period_ms: 0.1..10000, default 10.
 };
 
+/// A serial line between the controller and boards, [line.NAME].
+struct RigLine {
+  std::string name;               ///< NAME: lower-case letters, digits and _.
+  serial::LineSettings settings;  ///< baud_rate: one of the usual, 1200..115200, default 19200; format: default 8E1.
+};
+
+/// A board is on the CAN bus (it has a node_id), or on a serial line, where it speaks Modbus RTU (it has a line).
 struct RigBoard {
   std::string name;  ///< NAME of [board.NAME]: lower-case letters, digits and _.
   BoardKind kind = BoardKind::kFeeder;
-  std::uint8_t node_id = 0;   ///< 1..127, once on the bus.
-  std::filesystem::path eds;  ///< Exists. Relative to the file that says it.
-  Nanos heartbeat{};  ///< heartbeat_ms: producer heartbeat time that the manager asks of it, 1..65535, default 100.
-  Section section;    ///< For the emulator's own keys; its finish() counts the keys read here as known.
+  std::uint8_t node_id = 0;     ///< CAN: 1..127, once on the bus. Else 0.
+  std::filesystem::path eds{};  ///< CAN: exists. Relative to the file that says it. Else empty.
+  Nanos heartbeat{};      ///< CAN: heartbeat_ms, the heartbeat that the manager asks of it, 1..65535, default 100.
+  std::string line{};     ///< Serial: name of one of the rig's lines. Else empty.
+  std::uint8_t unit = 0;  ///< Serial: Modbus address 1..247, once on the line. Else 0.
+  Section section;        ///< For the emulator's own keys; its finish() counts the keys read here as known.
+
+  [[nodiscard]] bool is_on_line() const { return !line.empty(); }
 };
 
 struct Rig {
@@ -49,10 +61,15 @@ struct Rig {
   RigBus bus;
   std::uint8_t controller_node_id = 127;  ///< controller.node_id: 1..127, default 127.
   std::vector<RigBoard> boards;           ///< In the order of the file; at least one.
+  std::vector<RigLine> lines;             ///< In the order of the file.
 };
 
+/// Settings of a line by its name. @pre the rig has that line.
+[[nodiscard]] const serial::LineSettings& settings_of_line(const Rig& rig, std::string_view line);
+
 /// Reads the common part, and marks the top-level names that others read.
-/// @throws ConfigError: a node id twice or out of 1..127, an EDS file that is not there, no board.
+/// @throws ConfigError: a node id twice or out of 1..127, an EDS file that is not there, a line that is not there, a
+/// unit twice on a line or out of 1..247, no board.
 [[nodiscard]] Rig read_rig(const Section& root);
 
 /// One [[event]] of the timeline. Its target reads the rest from `section` and calls section.finish().

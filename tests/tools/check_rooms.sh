@@ -31,8 +31,9 @@ room $p/time
 room $p/can          $p/time
 room $p/participant  $p/time $p/can
 room $p/canopen      $p/time $p/can
-room $p/config       $p/time
-room $p/link         $p/time $p/can
+room $p/serial       $p/time
+room $p/config       $p/time $p/serial
+room $p/link         $p/time $p/can $p/serial
 room $p/runtime      $p/time $p/can $p/participant $p/link
 room plant_emulator/model    $p/time
 room plant_emulator/board  plant_emulator/model $p/time $p/can $p/canopen $p/participant $p/config
@@ -48,7 +49,7 @@ room bench/report    $p bench/record bench/check
 room bench/bus       $p
 room plant_emulator  $p
 room controller      $p
-pure $p/time $p/can $p/participant $p/canopen plant_emulator/model plant_emulator/board \
+pure $p/time $p/can $p/serial $p/participant $p/canopen plant_emulator/model plant_emulator/board \
      controller/law controller/estimator controller/safety controller/machine bench/check
 
 [ $bad -eq 0 ] && echo "every room includes only what it may"

@@ -158,3 +158,43 @@ TEST_CASE("Timeline: a target that the rig does not have is refused", "[config]"
   CHECK_THAT(folder.complaint(kRig + "[[event]]\nat_s = 1\ntarget = \"board.heater\"\naction = \"x\"\n"),
              Contains("target = \"board.heater\", must be one of controller, plant, bus, board.feeder, board.drive"));
 }
+
+TEST_CASE("Rig: a board on a serial line has a unit instead of a node id", "[config]") {
+  const RigFolder folder;
+  const Section root = folder.root(
+      "[rig]\nname = \"lab\"\n[line.hopper]\nformat = \"8N1\"\nbaud_rate = 115200\n[line.other]\n"
+      "[board.feeder]\nkind = \"feeder\"\nline = \"hopper\"\nunit = 7\n");
+  const Rig rig = read_rig(root);
+  root.finish();
+  REQUIRE(rig.lines.size() == 2);
+  CHECK(rig.lines[0].name == "hopper");
+  CHECK(settings_of_line(rig, "hopper") == serial::LineSettings{115'200, serial::Parity::kNone, 1});
+  CHECK(settings_of_line(rig, "other") == serial::LineSettings{19'200, serial::Parity::kEven, 1});
+  REQUIRE(rig.boards.size() == 1);
+  CHECK(rig.boards[0].is_on_line());
+  CHECK(rig.boards[0].line == "hopper");
+  CHECK(rig.boards[0].unit == 7);
+  CHECK(rig.boards[0].node_id == 0);
+}
+
+TEST_CASE("Rig: mistakes about serial lines are told", "[config]") {
+  const RigFolder folder;
+  const std::string start = "[rig]\nname = \"lab\"\n";
+  const std::string feeder = "[board.feeder]\nkind = \"feeder\"\nline = \"hopper\"\n";
+  CHECK_THAT(
+      folder.complaint(start + feeder + "unit = 1\n"),
+      Contains("r.toml:5:8: board.feeder.line = \"hopper\", is no line of this rig") && Contains("[line.hopper]"));
+  CHECK_THAT(folder.complaint(start + "[line.hopper]\n" + feeder + "unit = 248\n"), Contains("unit = 248"));
+  CHECK_THAT(folder.complaint(start + "[line.hopper]\n" + feeder), Contains("unit"));
+  CHECK_THAT(folder.complaint(start + "[line.hopper]\nbaud_rate = 12345\n" + feeder + "unit = 1\n"),
+             Contains("must be one of 1200, 2400"));
+  CHECK_THAT(folder.complaint(start + "[line.hopper]\nformat = \"7E1\"\n" + feeder + "unit = 1\n"),
+             Contains("format") && Contains("8E1"));
+  CHECK_THAT(folder.complaint(start + "[line.hopper]\nbaud = 9600\n" + feeder + "unit = 1\n"), Contains("baud_rate"));
+  CHECK_THAT(folder.complaint(start + "[line.Hopper]\n" + feeder + "unit = 1\n"), Contains("lower-case"));
+  CHECK_THAT(folder.complaint(start + "[line.hopper]\n" + feeder + "unit = 1\nnode_id = 5\n"),
+             Contains("goes with CAN"));
+  CHECK_THAT(folder.complaint(start + "[line.hopper]\n" + feeder +
+                              "unit = 1\n[board.zone]\nkind = \"heater\"\nline = \"hopper\"\nunit = 1\n"),
+             Contains("already taken by board.feeder"));
+}
