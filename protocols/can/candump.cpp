@@ -2,10 +2,11 @@
 
 #include <array>
 
+#include "protocols/can/hex.hpp"
+
 namespace meltbench::can {
 namespace {
 
-constexpr std::string_view kHexDigits = "0123456789ABCDEF";
 constexpr std::uint32_t kErrorFlag = 0x2000'0000;
 
 constexpr std::array<char, 512> make_byte_text() {
@@ -18,30 +19,8 @@ constexpr std::array<char, 512> make_byte_text() {
 }
 constexpr auto kByteText = make_byte_text();
 
-/// Value of one hex digit, or -1.
-constexpr int hex_value(char digit) {
-  if (digit >= '0' && digit <= '9') return digit - '0';
-  if (digit >= 'A' && digit <= 'F') return digit - 'A' + 10;
-  if (digit >= 'a' && digit <= 'f') return digit - 'a' + 10;
-  return -1;
-}
-
-void append_hex(std::string& out, std::uint32_t value, int digits) {
-  for (int shift = 4 * (digits - 1); shift >= 0; shift -= 4) out.push_back(kHexDigits[(value >> shift) & 0xFU]);
-}
-
 void append_bytes(std::string& out, std::span<const std::uint8_t> bytes) {
   for (const std::uint8_t byte : bytes) out.append(&kByteText[2U * byte], 2);
-}
-
-std::optional<std::uint32_t> parse_hex(std::string_view digits) {
-  std::uint32_t value = 0;
-  for (const char digit : digits) {
-    const int nibble = hex_value(digit);
-    if (nibble < 0) return std::nullopt;
-    value = value << 4U | static_cast<std::uint32_t>(nibble);
-  }
-  return value;
 }
 
 /// Sets id, extended and kind from the 3 or 8 digits before '#'.

@@ -40,4 +40,13 @@ std::uint8_t round_up_to_fd_length(std::size_t length) {
   return *std::ranges::lower_bound(kFdLengths, static_cast<std::uint8_t>(std::min(length, kMaxFdLength)));
 }
 
+std::uint8_t to_fd_dlc(std::size_t length) {
+  return static_cast<std::uint8_t>(std::ranges::lower_bound(kFdLengths, static_cast<std::uint8_t>(length)) -
+                                   kFdLengths.begin());
+}
+
+std::uint8_t from_fd_dlc(std::size_t dlc) {
+  return kFdLengths[dlc];
+}
+
 }  // namespace meltbench::can

@@ -57,4 +57,8 @@ struct StampedFrame {
 /// Smallest legal FD length >= length: 9 -> 12, 33 -> 48. @pre length <= 64.
 [[nodiscard]] std::uint8_t round_up_to_fd_length(std::size_t length);
 
+/// Data length code 0..15 of an FD length, and back. @pre length is an FD length; dlc <= 15.
+[[nodiscard]] std::uint8_t to_fd_dlc(std::size_t length);
+[[nodiscard]] std::uint8_t from_fd_dlc(std::size_t dlc);
+
 }  // namespace meltbench::can
