@@ -21,6 +21,8 @@ class TimedPort final : public runtime::ParticipantPort {
   explicit TimedPort(Participant& participant) : port_{participant} {}
   [[nodiscard]] std::string_view name() const override { return port_.name(); }
   [[nodiscard]] std::span<const SignalInfo> signals() const override { return port_.signals(); }
+  [[nodiscard]] std::span<const std::string> nodes() const override { return port_.nodes(); }
+  [[nodiscard]] std::span<const std::string> lines() const override { return port_.lines(); }
   [[nodiscard]] runtime::PortStatus wake(const Wakeup& in, Outbox& out, std::span<double> signals) override {
     const auto from = std::chrono::steady_clock::now();
     const runtime::PortStatus status = port_.wake(in, out, signals);

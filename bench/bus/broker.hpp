@@ -56,6 +56,8 @@ class SocketPort final : public runtime::ParticipantPort {
 
   [[nodiscard]] std::string_view name() const override { return joined_.hello.name; }
   [[nodiscard]] std::span<const SignalInfo> signals() const override { return joined_.hello.signals; }
+  [[nodiscard]] std::span<const std::string> nodes() const override { return joined_.hello.nodes; }
+  [[nodiscard]] std::span<const std::string> lines() const override { return joined_.hello.lines; }
   [[nodiscard]] runtime::PortStatus wake(const Wakeup& in, Outbox& out, std::span<double> signals) override;
 
  private:

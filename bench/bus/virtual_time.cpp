@@ -76,7 +76,12 @@ RunOutcome VirtualTime::run(Nanos duration) {
   return end(RunOutcome::Kind::kCompleted, {});
 }
 
+void VirtualTime::post_order(std::size_t participant, std::string order) {
+  parties_[participant].orders.push_back(std::move(order));
+}
+
 Instant VirtualTime::next_wake(const Party& party) {
+  if (!party.orders.empty()) return Instant{};
   if (party.wake_on == WakeOn::kDeadlineOnly) return party.deadline;
   const Instant due = std::min(party.deadline, party.next_record);
   return party.inbox.empty() ? due : std::min(due, party.inbox.front().at);
@@ -96,8 +101,11 @@ PortStatus VirtualTime::wake(std::size_t number) {
   Party& party = parties_[number];
   taken_.clear();
   std::swap(taken_, party.inbox);
+  taken_orders_.clear();
+  std::swap(taken_orders_, party.orders);
   const auto signals = std::span{values_}.subspan(party.first_signal, party.signal_count);
-  const PortStatus status = party.port->wake({now_, taken_, LinkState::kUp}, out_, signals);
+  const Wakeup in{.now = now_, .frames = taken_, .orders = taken_orders_};
+  const PortStatus status = party.port->wake(in, out_, signals);
   if (status != PortStatus::kOk) return status;
   // A deadline that has passed would hold the time: the participant is asked again at the next nanosecond.
   party.deadline = std::max(out_.deadline(), now_ + 1ns);

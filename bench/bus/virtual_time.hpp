@@ -1,6 +1,7 @@
 #pragma once
 
 #include <span>
+#include <string>
 #include <vector>
 
 #include "bench/bus/run_observer.hpp"
@@ -27,10 +28,15 @@ class VirtualTime {
   /// Cost beside the participants' own: about 0.1 us per wake-up, no allocation in the steady state.
   [[nodiscard]] RunOutcome run(Nanos duration);
 
+  /// Asks something of a participant, for the observer to call during run(): it is woken for it at once.
+  /// @param order  a TOML text that the participant understands.
+  void post_order(std::size_t participant, std::string order);
+
  private:
   struct Party {
     runtime::ParticipantPort* port = nullptr;
     std::vector<can::StampedFrame> inbox;
+    std::vector<std::string> orders;
     Instant deadline{};
     WakeOn wake_on = WakeOn::kArrivalOrDeadline;
     Instant next_record{};
@@ -51,7 +57,8 @@ class VirtualTime {
   Instant now_{};
   Instant next_row_{};
   std::vector<double> values_;
-  std::vector<can::StampedFrame> taken_;  ///< The inbox of who is being woken.
+  std::vector<can::StampedFrame> taken_;   ///< The inbox of who is being woken,
+  std::vector<std::string> taken_orders_;  ///< and what is asked of it.
   Outbox out_;
 };
 

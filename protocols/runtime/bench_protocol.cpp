@@ -31,6 +31,97 @@ void read_events(MessageReader& reader, Store store) {
   }
 }
 
+void write_texts(MessageWriter& writer, std::span<const std::string> texts) {
+  writer.put(static_cast<std::uint32_t>(texts.size()));
+  for (const std::string& text : texts) writer.put_text(text);
+}
+
+void read_texts(MessageReader& reader, std::vector<std::string>& texts) {
+  texts.clear();
+  const auto count = reader.take<std::uint32_t>();
+  for (std::uint32_t i = 0; i < count && reader.ok(); ++i) texts.emplace_back(reader.take_text());
+}
+
+/// Values of one byte each.
+template <typename T>
+void write_states(MessageWriter& writer, std::span<const T> states) {
+  writer.put(static_cast<std::uint32_t>(states.size()));
+  for (const T state : states) writer.put(state);
+}
+
+template <typename T>
+void read_states(MessageReader& reader, std::vector<T>& states) {
+  states.clear();
+  const auto count = reader.take<std::uint32_t>();
+  for (std::uint32_t i = 0; i < count && reader.ok(); ++i) states.push_back(reader.take<T>());
+}
+
+std::span<const std::uint8_t> bytes_of(std::string_view text) {
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+}
+
+std::string_view text_of(std::span<const std::uint8_t> bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+void write_serial(MessageWriter& writer, std::span<const SerialArrival> serial) {
+  writer.put(static_cast<std::uint32_t>(serial.size()));
+  for (const SerialArrival& arrival : serial) {
+    writer.put(arrival.at);
+    writer.put(arrival.line);
+    writer.put_text(text_of(arrival.bytes));
+  }
+}
+
+void read_serial(MessageReader& reader, std::vector<SerialArrival>& serial) {
+  serial.clear();
+  const auto count = reader.take<std::uint32_t>();
+  for (std::uint32_t i = 0; i < count && reader.ok(); ++i) {
+    const auto at = reader.take<Instant>();
+    const auto line = reader.take<std::uint8_t>();
+    serial.push_back({at, line, bytes_of(reader.take_text())});
+  }
+}
+
+/// Frames in runs of one sender: node and count, then the frames.
+void write_frames(MessageWriter& writer, const Outbox& out) {
+  const auto marks = out.senders();
+  const auto frames = out.frames();
+  writer.put(static_cast<std::uint32_t>(marks.size() + 1));
+  for (std::size_t run = 0; run <= marks.size(); ++run) {
+    const std::size_t first = run == 0 ? 0 : marks[run - 1].first;
+    const std::size_t end = run < marks.size() ? marks[run].first : frames.size();
+    writer.put(run == 0 ? std::uint8_t{0} : marks[run - 1].node);
+    writer.put(static_cast<std::uint32_t>(end - first));
+    for (const can::CanFrame& frame : frames.subspan(first, end - first)) writer.put_frame(Instant{}, frame);
+  }
+}
+
+void read_frames(MessageReader& reader, Outbox& out) {
+  const auto runs = reader.take<std::uint32_t>();
+  for (std::uint32_t run = 0; run < runs && reader.ok(); ++run) {
+    out.speak_as(reader.take<std::uint8_t>());
+    const auto count = reader.take<std::uint32_t>();
+    for (std::uint32_t i = 0; i < count && reader.ok(); ++i) out.send(reader.take_frame().frame);
+  }
+}
+
+void write_serial(MessageWriter& writer, const Outbox& out) {
+  writer.put(static_cast<std::uint32_t>(out.serial().size()));
+  for (const SerialPiece& piece : out.serial()) {
+    writer.put(piece.line);
+    writer.put_text(text_of(out.serial_bytes(piece)));
+  }
+}
+
+void read_serial(MessageReader& reader, Outbox& out) {
+  const auto pieces = reader.take<std::uint32_t>();
+  for (std::uint32_t i = 0; i < pieces && reader.ok(); ++i) {
+    const auto line = reader.take<std::uint8_t>();
+    out.write(line, bytes_of(reader.take_text()));
+  }
+}
+
 /// A reader behind the type byte; not ok() if the message is of another type.
 std::optional<MessageReader> open(std::span<const std::uint8_t> message, MessageType type) {
   MessageReader reader{message};
@@ -50,6 +141,8 @@ void write_hello(MessageWriter& writer, const Hello& hello) {
     writer.put_text(signal.name);
     writer.put(signal.kind);
   }
+  write_texts(writer, hello.nodes);
+  write_texts(writer, hello.lines);
 }
 
 std::optional<Hello> read_hello(std::span<const std::uint8_t> message) {
@@ -65,6 +158,8 @@ std::optional<Hello> read_hello(std::span<const std::uint8_t> message) {
     signal.kind = reader->take<std::uint8_t>() == 0 ? SignalKind::kValue : SignalKind::kErrorCounter;
     hello.signals.push_back(std::move(signal));
   }
+  read_texts(*reader, hello.nodes);
+  read_texts(*reader, hello.lines);
   if (!reader->complete()) return std::nullopt;
   return hello;
 }
@@ -100,19 +195,31 @@ void write_wake(MessageWriter& writer, const Wakeup& in) {
   writer.put(in.link);
   writer.put(static_cast<std::uint32_t>(in.frames.size()));
   for (const can::StampedFrame& stamped : in.frames) writer.put_frame(stamped.at, stamped.frame);
+  write_serial(writer, in.serial);
+  write_states(writer, in.lines);
+  write_states(writer, in.nodes);
+  write_texts(writer, in.orders);
 }
 
-std::optional<Wakeup> read_wake(std::span<const std::uint8_t> message, std::vector<can::StampedFrame>& frames) {
+std::optional<Wakeup> read_wake(std::span<const std::uint8_t> message, WakeupStorage& storage) {
   auto reader = open(message, MessageType::kWake);
   if (!reader) return std::nullopt;
   Wakeup in;
   in.now = reader->take<Instant>();
   in.link = reader->take<LinkState>();
   const auto count = reader->take<std::uint32_t>();
-  frames.clear();
-  for (std::uint32_t i = 0; i < count && reader->ok(); ++i) frames.push_back(reader->take_frame());
+  storage.frames.clear();
+  for (std::uint32_t i = 0; i < count && reader->ok(); ++i) storage.frames.push_back(reader->take_frame());
+  read_serial(*reader, storage.serial);
+  read_states(*reader, storage.lines);
+  read_states(*reader, storage.nodes);
+  read_texts(*reader, storage.orders);
   if (!reader->complete()) return std::nullopt;
-  in.frames = frames;
+  in.frames = storage.frames;
+  in.serial = storage.serial;
+  in.lines = storage.lines;
+  in.nodes = storage.nodes;
+  in.orders = storage.orders;
   return in;
 }
 
@@ -120,8 +227,8 @@ void write_done(MessageWriter& writer, const Outbox& out, std::span<const double
   writer.begin(MessageType::kDone);
   writer.put(out.deadline());
   writer.put(out.wake_on());
-  writer.put(static_cast<std::uint32_t>(out.frames().size()));
-  for (const can::CanFrame& frame : out.frames()) writer.put_frame(Instant{}, frame);
+  write_frames(writer, out);
+  write_serial(writer, out);
   write_events(writer, out.events());
   writer.put_numbers(signals);
 }
@@ -133,8 +240,8 @@ bool read_done(std::span<const std::uint8_t> message, Outbox& out, std::span<dou
   const auto deadline = reader->take<Instant>();
   const auto wake_on = reader->take<WakeOn>();
   out.wake_at(deadline, wake_on);
-  const auto count = reader->take<std::uint32_t>();
-  for (std::uint32_t i = 0; i < count && reader->ok(); ++i) out.send(reader->take_frame().frame);
+  read_frames(*reader, out);
+  read_serial(*reader, out);
   read_events(*reader, [&out](Event event) {
     out.report(event.severity, event.at, std::move(event.code), std::move(event.text));
   });

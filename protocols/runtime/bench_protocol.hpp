@@ -16,6 +16,8 @@ struct Hello {
   std::string name;
   bool carries_frames = true;  ///< False: its frames go over a kernel bus, this connection only reports.
   std::vector<SignalInfo> signals;
+  std::vector<std::string> nodes;  ///< As Participant::nodes().
+  std::vector<std::string> lines;  ///< As Participant::lines().
 };
 void write_hello(link::MessageWriter& writer, const Hello& hello);
 [[nodiscard]] std::optional<Hello> read_hello(std::span<const std::uint8_t> message);
@@ -28,9 +30,17 @@ void write_welcome(link::MessageWriter& writer, const link::Welcome& welcome);
 
 /// Lockstep: broker wakes a program.
 void write_wake(link::MessageWriter& writer, const Wakeup& in);
-/// @param frames  filled anew; the Wakeup points into it.
-[[nodiscard]] std::optional<Wakeup> read_wake(std::span<const std::uint8_t> message,
-                                              std::vector<can::StampedFrame>& frames);
+
+/// What a Wakeup that came as a message points into. Kept from message to message, for its memory.
+struct WakeupStorage {
+  std::vector<can::StampedFrame> frames;
+  std::vector<SerialArrival> serial;  ///< Their bytes lie in the message.
+  std::vector<LinkState> lines;
+  std::vector<can::ErrorState> nodes;
+  std::vector<std::string> orders;
+};
+/// @param storage  filled anew; the Wakeup points into it and into the message.
+[[nodiscard]] std::optional<Wakeup> read_wake(std::span<const std::uint8_t> message, WakeupStorage& storage);
 
 /// Lockstep: a program's answer.
 void write_done(link::MessageWriter& writer, const Outbox& out, std::span<const double> signals);

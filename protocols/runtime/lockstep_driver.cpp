@@ -8,14 +8,14 @@ namespace meltbench::runtime {
 DriverEnd run_lockstep(Participant& participant, link::BenchSocket& socket) {
   Outbox out;
   link::MessageWriter writer;
-  std::vector<can::StampedFrame> frames;
+  WakeupStorage storage;
   std::vector<double> signals(participant.signals().size());
   std::span<const std::uint8_t> message;
   while (!stop_requested()) {
     const link::ReceiveStatus status = socket.receive(message);
     if (status == link::ReceiveStatus::kClosed) return DriverEnd::kBenchLost;
     if (status != link::ReceiveStatus::kMessage) continue;
-    const auto in = read_wake(message, frames);
+    const auto in = read_wake(message, storage);
     if (!in) return message_type(message) == link::MessageType::kStop ? DriverEnd::kStopped : DriverEnd::kBenchLost;
     out.clear();
     participant.wake(*in, out);

@@ -2,6 +2,7 @@
 /// How the bench wakes a participant, wherever it lives: in this process, or in another one.
 
 #include <span>
+#include <string>
 #include <string_view>
 
 #include "protocols/participant/participant.hpp"
@@ -18,6 +19,9 @@ class ParticipantPort {
   virtual ~ParticipantPort() = default;
   [[nodiscard]] virtual std::string_view name() const = 0;
   [[nodiscard]] virtual std::span<const SignalInfo> signals() const = 0;
+  /// As Participant::nodes() and lines().
+  [[nodiscard]] virtual std::span<const std::string> nodes() const = 0;
+  [[nodiscard]] virtual std::span<const std::string> lines() const = 0;
   /// Wakes the participant and waits for its answer. `out` is filled anew; `signals` gets the values after the wake-up.
   [[nodiscard]] virtual PortStatus wake(const Wakeup& in, Outbox& out, std::span<double> signals) = 0;
 };
@@ -30,6 +34,8 @@ class InProcessPort final : public ParticipantPort {
 
   [[nodiscard]] std::string_view name() const override { return participant_.name(); }
   [[nodiscard]] std::span<const SignalInfo> signals() const override { return participant_.signals(); }
+  [[nodiscard]] std::span<const std::string> nodes() const override { return participant_.nodes(); }
+  [[nodiscard]] std::span<const std::string> lines() const override { return participant_.lines(); }
   [[nodiscard]] PortStatus wake(const Wakeup& in, Outbox& out, std::span<double> signals) override {
     out.clear();
     participant_.wake(in, out);

@@ -27,8 +27,10 @@ struct Joined {
 /// Says hello to a broker and waits for its welcome. Nothing: the broker went away, or we were told to stop, before.
 std::optional<Joined> join(const Participant& participant, const std::string& bus_name, bool carries_frames) {
   link::BenchSocket socket{link::connect_embedded_bus(bus_name)};
-  Hello hello{std::string{participant.name()}, carries_frames, {}};
+  Hello hello{std::string{participant.name()}, carries_frames, {}, {}, {}};
   hello.signals.assign(participant.signals().begin(), participant.signals().end());
+  hello.nodes.assign(participant.nodes().begin(), participant.nodes().end());
+  hello.lines.assign(participant.lines().begin(), participant.lines().end());
   link::MessageWriter writer;
   write_hello(writer, hello);
   if (!socket.send(writer.bytes())) return std::nullopt;

@@ -37,8 +37,8 @@ void read_kernel_frame(std::span<const std::uint8_t> bytes) {
 void read_messages(std::span<const std::uint8_t> bytes) {
   (void)runtime::read_hello(bytes);
   (void)runtime::read_welcome(bytes);
-  std::vector<can::StampedFrame> frames;
-  if (const auto wakeup = runtime::read_wake(bytes, frames)) {
+  runtime::WakeupStorage storage;
+  if (const auto wakeup = runtime::read_wake(bytes, storage)) {
     for (const can::StampedFrame& each : wakeup->frames) {
       must(can::is_valid(each.frame), "a frame in a message can exist on a bus");
     }

@@ -50,7 +50,7 @@ class RemoteParticipant {
   explicit RemoteParticipant(std::unique_ptr<Participant> participant) : participant_{std::move(participant)} {
     std::array<int, 2> ends{};
     REQUIRE(::socketpair(AF_UNIX, SOCK_SEQPACKET, 0, ends.data()) == 0);
-    runtime::Hello hello{std::string{participant_->name()}, true, {}};
+    runtime::Hello hello{std::string{participant_->name()}, true, {}, {}, {}};
     hello.signals.assign(participant_->signals().begin(), participant_->signals().end());
     joined_ = std::make_unique<Joined>(Joined{hello, link::BenchSocket{link::UniqueFd{ends[0]}}});
     thread_ = std::thread{[this, fd = ends[1]] {
@@ -167,7 +167,7 @@ TEST_CASE("Virtual time: two that answer each other without end are stopped and 
 TEST_CASE("Lockstep: a participant whose process has died ends the run and is named", "[bus]") {
   std::array<int, 2> ends{};
   REQUIRE(::socketpair(AF_UNIX, SOCK_SEQPACKET, 0, ends.data()) == 0);
-  Joined joined{{"plant", true, {}}, link::BenchSocket{link::UniqueFd{ends[0]}}};
+  Joined joined{{"plant", true, {}, {}, {}}, link::BenchSocket{link::UniqueFd{ends[0]}}};
   SocketPort port{joined};
   const std::array<ParticipantPort*, 1> ports{&port};
   TextObserver observer;
@@ -191,4 +191,40 @@ TEST_CASE("Lockstep: a participant whose process has died ends the run and is na
     CHECK(outcome.kind == RunOutcome::Kind::kParticipantLost);
     CHECK_THAT(outcome.text, Catch::Contains("plant sent nonsense"));
   }
+}
+
+TEST_CASE("Virtual time: what the bench asks of a participant wakes it at the instant of the asking", "[bus]") {
+  /// Asks at the row of 30 ms.
+  class Asking final : public RunObserver {
+   public:
+    void on_frame(const can::StampedFrame&, std::size_t) override {}
+    void on_row(Instant at, std::span<const double>) override {
+      if (at == Instant{30ms}) engine->post_order(0, "kind = \"off\"");
+    }
+    void on_event(std::size_t, const Event&) override {}
+    VirtualTime* engine = nullptr;
+  };
+  /// Notes when it was asked.
+  class Obedient final : public Participant {
+   public:
+    [[nodiscard]] std::string_view name() const override { return "obedient"; }
+    [[nodiscard]] std::span<const SignalInfo> signals() const override { return {}; }
+    void read_signals(std::span<double>) const override {}
+    void wake(const Wakeup& in, Outbox&) override {
+      for (const std::string& order : in.orders) heard.emplace_back(in.now, order);
+    }
+    std::vector<std::pair<Instant, std::string>> heard;
+  };
+  Obedient obedient;
+  InProcessPort port{obedient};
+  const std::array<ParticipantPort*, 1> ports{&port};
+  Asking observer;
+  VirtualTime engine{ports, 10ms, observer};
+  observer.engine = &engine;
+  CHECK(engine.run(100ms).kind == RunOutcome::Kind::kCompleted);
+  REQUIRE(obedient.heard.size() == 1);
+  // The row of 30 ms is written when time goes on from there, before anything else happens.
+  CHECK(obedient.heard[0].first >= Instant{30ms});
+  CHECK(obedient.heard[0].first <= Instant{40ms});
+  CHECK(obedient.heard[0].second == "kind = \"off\"");
 }

@@ -1,5 +1,6 @@
 #include "protocols/runtime/bench_protocol.hpp"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <random>
 
@@ -8,24 +9,44 @@ using namespace meltbench::runtime;
 
 TEST_CASE("Bench protocol: hello, wake, done and report come back as they were written", "[runtime]") {
   link::MessageWriter writer;
-  write_hello(writer, {"plant", true, {{"plant.x_m", SignalKind::kValue}, {"plant.bad", SignalKind::kErrorCounter}}});
+  write_hello(writer, {"plant",
+                       true,
+                       {{"plant.x_m", SignalKind::kValue}, {"plant.bad", SignalKind::kErrorCounter}},
+                       {"feeder", "heater"},
+                       {"feeder_line"}});
   const auto hello = read_hello(writer.bytes());
   REQUIRE(hello.has_value());
   CHECK(hello->name == "plant");
   REQUIRE(hello->signals.size() == 2);
   CHECK(hello->signals[1].kind == SignalKind::kErrorCounter);
+  CHECK(hello->nodes == std::vector<std::string>{"feeder", "heater"});
+  CHECK(hello->lines == std::vector<std::string>{"feeder_line"});
 
   const std::vector<can::StampedFrame> sent{{Instant{1ms}, can::make_frame(1, {2})}};
-  write_wake(writer, {Instant{2ms}, sent, LinkState::kDown});
-  std::vector<can::StampedFrame> frames;
-  const auto in = read_wake(writer.bytes(), frames);
+  const std::vector<std::uint8_t> bytes{1, 0, 255};
+  const std::vector<SerialArrival> serial{{Instant{1500us}, 0, bytes}};
+  const std::vector<LinkState> lines{LinkState::kDown};
+  const std::vector<can::ErrorState> nodes{can::ErrorState::kActive, can::ErrorState::kBusOff};
+  const std::vector<std::string> orders{"kind = \"off\""};
+  write_wake(writer, {Instant{2ms}, sent, LinkState::kDown, serial, lines, nodes, orders});
+  WakeupStorage storage;
+  const auto in = read_wake(writer.bytes(), storage);
   REQUIRE(in.has_value());
   CHECK(in->now == Instant{2ms});
   CHECK(in->link == LinkState::kDown);
-  CHECK(frames == sent);
+  CHECK(storage.frames == sent);
+  REQUIRE(in->serial.size() == 1);
+  CHECK(in->serial[0].at == Instant{1500us});
+  CHECK(std::ranges::equal(in->serial[0].bytes, bytes));
+  CHECK(std::ranges::equal(in->lines, lines));
+  CHECK(std::ranges::equal(in->nodes, nodes));
+  CHECK(std::ranges::equal(in->orders, orders));
 
   Outbox out;
   out.send(can::make_frame(3, {4}));
+  out.speak_as(2);
+  out.send(can::make_frame(4, {}));
+  out.write(0, bytes);
   out.report(Severity::kFault, Instant{2ms}, "code", "text");
   out.wake_at(Instant{5ms}, WakeOn::kDeadlineOnly);
   const std::vector<double> signals{1.0, -0.0};
@@ -33,7 +54,12 @@ TEST_CASE("Bench protocol: hello, wake, done and report come back as they were w
   Outbox back;
   std::vector<double> read(2);
   REQUIRE(read_done(writer.bytes(), back, read));
-  CHECK(back.frames().size() == 1);
+  CHECK(back.frames().size() == 2);
+  REQUIRE(back.senders().size() == 1);
+  CHECK(back.senders()[0].first == 1);
+  CHECK(back.senders()[0].node == 2);
+  REQUIRE(back.serial().size() == 1);
+  CHECK(std::ranges::equal(back.serial_bytes(back.serial()[0]), bytes));
   CHECK(back.events().front().code == "code");
   CHECK(back.events().front().severity == Severity::kFault);
   CHECK(back.deadline() == Instant{5ms});
@@ -49,7 +75,7 @@ TEST_CASE("Bench protocol: hello, wake, done and report come back as they were w
 TEST_CASE("Bench protocol: random bytes are refused and harm nobody", "[runtime]") {
   std::mt19937 draw{7};
   std::vector<std::uint8_t> bytes;
-  std::vector<can::StampedFrame> frames;
+  WakeupStorage storage;
   std::vector<double> signals(3);
   Outbox out;
   int accepted = 0;
@@ -58,7 +84,7 @@ TEST_CASE("Bench protocol: random bytes are refused and harm nobody", "[runtime]
     for (auto& byte : bytes) byte = static_cast<std::uint8_t>(draw() % 256);
     if (!bytes.empty()) bytes[0] = static_cast<std::uint8_t>(1 + draw() % 7);
     accepted += read_hello(bytes).has_value() ? 1 : 0;
-    accepted += read_wake(bytes, frames).has_value() && !frames.empty() ? 1 : 0;
+    accepted += read_wake(bytes, storage).has_value() && !storage.frames.empty() ? 1 : 0;
     accepted += read_done(bytes, out, signals) && !out.frames().empty() ? 1 : 0;
   }
   CHECK(accepted == 0);
