@@ -31,6 +31,7 @@ room $p/time
 room $p/can          $p/time
 room $p/participant  $p/time $p/can
 room $p/canopen      $p/time $p/can
+room $p/modbus       $p/time
 room $p/serial       $p/time
 room $p/config       $p/time $p/serial
 room $p/link         $p/time $p/can $p/serial
@@ -49,7 +50,7 @@ room bench/report    $p bench/record bench/check
 room bench/bus       $p
 room plant_emulator  $p
 room controller      $p
-pure $p/time $p/can $p/serial $p/participant $p/canopen plant_emulator/model plant_emulator/board \
+pure $p/time $p/can $p/serial $p/participant $p/canopen $p/modbus plant_emulator/model plant_emulator/board \
      controller/law controller/estimator controller/safety controller/machine bench/check
 
 [ $bad -eq 0 ] && echo "every room includes only what it may"
