@@ -14,12 +14,14 @@ namespace meltbench::bus {
 
 /// Sender number of a frame that no participant of the run has sent.
 inline constexpr std::size_t kOutsideSender = 0xFF;
+/// Sender number of a frame that a program outside the run has put on the embedded bus.
+inline constexpr std::size_t kTapSender = 0xFE;
 
 /// Sees everything that happens, in the order in which it happens.
 class RunObserver {
  public:
   virtual ~RunObserver() = default;
-  /// A frame was on the bus. @param sender  number of the participant, or kOutsideSender.
+  /// A frame was on the bus. @param sender  number of the participant, kTapSender or kOutsideSender.
   virtual void on_frame(const can::StampedFrame& frame, std::size_t sender) = 0;
   /// The signals of all participants at a whole multiple of the record period, in the order of the participants.
   virtual void on_row(Instant at, std::span<const double> values) = 0;

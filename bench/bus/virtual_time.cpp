@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "protocols/runtime/stop_signal.hpp"
 
@@ -13,6 +14,8 @@ using runtime::PortStatus;
 
 /// Wake-ups at one instant after which the participants are said to run in a circle. A boot needs some hundreds.
 constexpr int kMaxWakeupsAtOneInstant = 100'000;
+/// Frames from outside that enter at one instant: about what a bus carries in 10 ms.
+constexpr std::size_t kMaxOutsideFramesAtOnce = 64;
 
 std::string lost_text(std::string_view name, PortStatus status, Instant at) {
   const double at_s = to_s(at);
@@ -32,8 +35,9 @@ std::string lost_text(std::string_view name, PortStatus status, Instant at) {
 
 }  // namespace
 
-VirtualTime::VirtualTime(std::span<runtime::ParticipantPort* const> ports, Nanos record_period, RunObserver& observer)
-    : record_period_{record_period}, observer_{observer} {
+VirtualTime::VirtualTime(std::span<runtime::ParticipantPort* const> ports, Nanos record_period, RunObserver& observer,
+                         Outside* outside)
+    : record_period_{record_period}, observer_{observer}, outside_{outside} {
   for (runtime::ParticipantPort* port : ports) {
     Party party;
     party.port = port;
@@ -56,6 +60,7 @@ RunOutcome VirtualTime::run(Nanos duration) {
       write_rows_before(due);
       now_ = due;
       wakeups_now = 0;
+      if (admit_outside()) continue;  // Everybody has something to read: who is first is chosen anew.
     }
     if (++wakeups_now > kMaxWakeupsAtOneInstant) {
       return end(RunOutcome::Kind::kParticipantLost,
@@ -116,13 +121,27 @@ PortStatus VirtualTime::wake(std::size_t number) {
 
 void VirtualTime::carry(std::size_t sender) {
   for (const Event& event : out_.events()) observer_.on_event(sender, event);
-  for (const can::CanFrame& frame : out_.frames()) {
-    const can::StampedFrame stamped{now_, frame};
-    observer_.on_frame(stamped, sender);
-    for (std::size_t number = 0; number < parties_.size(); ++number) {
-      if (number != sender) parties_[number].inbox.push_back(stamped);
-    }
+  for (const can::CanFrame& frame : out_.frames()) put_on_bus(frame, sender);
+}
+
+void VirtualTime::put_on_bus(const can::CanFrame& frame, std::size_t sender) {
+  const can::StampedFrame stamped{now_, frame};
+  observer_.on_frame(stamped, sender);
+  if (outside_ != nullptr) outside_->show(stamped, sender);
+  for (std::size_t number = 0; number < parties_.size(); ++number) {
+    if (number != sender) parties_[number].inbox.push_back(stamped);
   }
+}
+
+/// @returns whether frames from outside have come on the bus now.
+bool VirtualTime::admit_outside() {
+  if (outside_ == nullptr) return false;
+  from_outside_.clear();
+  outside_->exchange(kMaxOutsideFramesAtOnce, from_outside_);
+  if (from_outside_.empty()) return false;
+  if (!std::exchange(outside_has_sent_, true)) observer_.on_event(kTapSender, make_outside_event(now_));
+  for (const can::CanFrame& frame : from_outside_) put_on_bus(frame, kTapSender);
+  return true;
 }
 
 void VirtualTime::write_rows_before(Instant now) {

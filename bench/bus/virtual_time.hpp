@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "bench/bus/outside.hpp"
 #include "bench/bus/run_observer.hpp"
 #include "protocols/runtime/participant_port.hpp"
 
@@ -20,8 +21,11 @@ namespace meltbench::bus {
 class VirtualTime {
  public:
   /// @param ports  participants in the order of their numbers; they and the observer outlive this object.
+  /// @param outside  outlives this object; null: nobody. What it sends enters at the next instant at which somebody is
+  /// due, so that such a run depends on the wall clock.
   /// @pre record_period > 0.
-  VirtualTime(std::span<runtime::ParticipantPort* const> ports, Nanos record_period, RunObserver& observer);
+  VirtualTime(std::span<runtime::ParticipantPort* const> ports, Nanos record_period, RunObserver& observer,
+              Outside* outside = nullptr);
 
   /// Runs from Instant{0} up to and including Instant{duration}. Returns early, with the reason, when a participant is
   /// lost, when the user interrupts, or when participants keep answering each other without time passing.
@@ -48,12 +52,17 @@ class VirtualTime {
   [[nodiscard]] std::size_t choose_next() const;
   [[nodiscard]] runtime::PortStatus wake(std::size_t number);
   void carry(std::size_t sender);
+  void put_on_bus(const can::CanFrame& frame, std::size_t sender);
+  [[nodiscard]] bool admit_outside();
   void write_rows_before(Instant now);
   [[nodiscard]] RunOutcome end(RunOutcome::Kind kind, std::string text) const;
 
   std::vector<Party> parties_;
   Nanos record_period_;
   RunObserver& observer_;
+  Outside* outside_;
+  std::vector<can::CanFrame> from_outside_;
+  bool outside_has_sent_ = false;
   Instant now_{};
   Instant next_row_{};
   std::vector<double> values_;

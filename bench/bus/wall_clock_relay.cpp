@@ -4,6 +4,7 @@
 #include <poll.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "protocols/runtime/real_time_driver.hpp"
 #include "protocols/runtime/stop_signal.hpp"
@@ -14,11 +15,15 @@ namespace {
 /// A row waits this many record periods for the reports of its instant.
 constexpr int kRowDelayPeriods = 3;
 constexpr Nanos kStartDelay = 20ms;  // From the welcome to Instant{0}: all have read it by then.
+/// Frames from outside that are taken at once. A participant whose queue is said to have room can take ten times as
+/// many.
+constexpr std::size_t kMaxOutsideFramesAtOnce = 16;
 
 }  // namespace
 
-WallClockRelay::WallClockRelay(std::span<Joined> joined, link::CanLink* kernel_bus, Nanos record_period)
-    : kernel_bus_{kernel_bus}, record_period_{record_period} {
+WallClockRelay::WallClockRelay(std::span<Joined> joined, link::CanLink* kernel_bus, Nanos record_period,
+                               Outside* outside)
+    : kernel_bus_{kernel_bus}, outside_{outside}, record_period_{record_period} {
   for (Joined& program : joined) {
     Party party;
     party.joined = &program;
@@ -46,6 +51,7 @@ RunOutcome WallClockRelay::run(Nanos duration, double speed, RunObserver& observ
     wait(std::min(end, runtime::read_monotonic() + 10ms));
     for (std::size_t number = 0; number < parties_.size(); ++number) read_messages(number);
     read_kernel_bus();
+    exchange_with_outside();
     write_rows_until(clock_.now() - kRowDelayPeriods * record_period_);
     if (runtime::stop_requested()) outcome = {RunOutcome::Kind::kInterrupted, "interrupted", {}, 0};
     if (const std::string lost = find_lost(); !lost.empty()) {
@@ -58,15 +64,16 @@ RunOutcome WallClockRelay::run(Nanos duration, double speed, RunObserver& observ
   return outcome;
 }
 
-void WallClockRelay::wait(Nanos until) const {
-  std::vector<pollfd> watched;
+void WallClockRelay::wait(Nanos until) {
+  watched_.clear();
   for (const Party& party : parties_) {
-    if (!party.gone) watched.push_back({party.joined->socket.fd(), POLLIN, 0});
+    if (!party.gone) watched_.push_back({party.joined->socket.fd(), POLLIN, 0});
   }
-  if (kernel_bus_ != nullptr) watched.push_back({kernel_bus_->fd(), POLLIN, 0});
+  if (kernel_bus_ != nullptr) watched_.push_back({kernel_bus_->fd(), POLLIN, 0});
+  if (outside_ != nullptr) outside_->watch(watched_);
   const Nanos span = std::max(until - runtime::read_monotonic(), 0ns);
   const timespec timeout{span / 1s, (span % 1s).count()};
-  ::ppoll(watched.data(), watched.size(), &timeout, nullptr);
+  ::ppoll(watched_.data(), watched_.size(), &timeout, nullptr);
 }
 
 void WallClockRelay::read_messages(std::size_t number) {
@@ -95,9 +102,29 @@ void WallClockRelay::read_kernel_bus() {
   while (const auto received = kernel_bus_->receive()) carry(kOutsideSender, received->at_monotonic, received->frame);
 }
 
+void WallClockRelay::exchange_with_outside() {
+  if (outside_ == nullptr) return;
+  from_outside_.clear();
+  outside_->exchange(all_have_room() ? kMaxOutsideFramesAtOnce : 0, from_outside_);
+  if (from_outside_.empty()) return;
+  const Nanos now = runtime::read_monotonic();
+  if (!std::exchange(outside_has_sent_, true))
+    observer_->on_event(kTapSender, make_outside_event(std::max(clock_.now(), Instant{})));
+  for (const can::CanFrame& frame : from_outside_) carry(kTapSender, now, frame);
+}
+
+/// Linux says that a Unix socket can be written to while less than a quarter of its queue is taken.
+bool WallClockRelay::all_have_room() const {
+  return std::ranges::all_of(parties_, [](const Party& party) {
+    pollfd socket{party.joined->socket.fd(), POLLOUT, 0};
+    return party.gone || ::poll(&socket, 1, 0) == 1;
+  });
+}
+
 void WallClockRelay::carry(std::size_t sender, Nanos at_monotonic, const can::CanFrame& frame) {
   last_frame_at_ = std::max({last_frame_at_, clock_.to_instant(at_monotonic), Instant{}});
   observer_->on_frame({last_frame_at_, frame}, sender);
+  if (outside_ != nullptr) outside_->show({last_frame_at_, frame}, sender);
   if (sender == kOutsideSender) return;  // The kernel has carried it already.
   runtime::write_frame(writer_, at_monotonic, frame);
   for (std::size_t number = 0; number < parties_.size(); ++number) {

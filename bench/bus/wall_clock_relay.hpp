@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "bench/bus/broker.hpp"
+#include "bench/bus/outside.hpp"
 #include "bench/bus/run_observer.hpp"
 #include "protocols/link/can_link.hpp"
 #include "protocols/runtime/real_time_clock.hpp"
@@ -17,7 +18,9 @@ namespace meltbench::bus {
 class WallClockRelay {
  public:
   /// @param joined  in the order of their numbers.  @param kernel_bus  the bus to listen on; null: carry the frames.
-  WallClockRelay(std::span<Joined> joined, link::CanLink* kernel_bus, Nanos record_period);
+  /// @param outside  who else is on the embedded bus; null: nobody. Frames from there wait until every participant has
+  /// room for them, so that they push nothing out.
+  WallClockRelay(std::span<Joined> joined, link::CanLink* kernel_bus, Nanos record_period, Outside* outside = nullptr);
 
   /// Welcomes everybody, runs for `duration` of bench time at `speed` bench seconds per second.
   [[nodiscard]] RunOutcome run(Nanos duration, double speed, RunObserver& observer);
@@ -39,15 +42,21 @@ class WallClockRelay {
     bool gone = false;
   };
 
-  void wait(Nanos until) const;
+  void wait(Nanos until);
   void read_messages(std::size_t number);
   void read_kernel_bus();
+  void exchange_with_outside();
+  [[nodiscard]] bool all_have_room() const;
   void carry(std::size_t sender, Nanos at_monotonic, const can::CanFrame& frame);
   void write_rows_until(Instant at);
   [[nodiscard]] std::string find_lost() const;
 
   std::vector<Party> parties_;
   link::CanLink* kernel_bus_;
+  Outside* outside_;
+  std::vector<can::CanFrame> from_outside_;
+  bool outside_has_sent_ = false;
+  std::vector<pollfd> watched_;
   Nanos record_period_;
   RunObserver* observer_ = nullptr;  ///< Of the run that goes on.
   runtime::RealTimeClock clock_{Nanos{}, 1.0};

@@ -58,6 +58,7 @@ BusStatistics calc_bus_statistics(const Recording& recording) {
       ++result.error_frames;
       continue;
     }
+    if (recorded.sender == kTapSender) ++result.outside_frames;
     count(tallies[{recorded.frame.extended, recorded.frame.id}], recorded);
   }
 

@@ -29,8 +29,9 @@ struct BusStatistics {
   std::uint64_t data_bytes = 0;
   std::uint64_t error_frames = 0;
   std::uint64_t lost_frames = 0;
-  std::optional<double> load;     ///< Mean over the run, as in IdStatistics. Stuffing adds up to a quarter.
-  std::vector<IdStatistics> ids;  ///< Standard before extended, then by identifier.
+  std::uint64_t outside_frames = 0;  ///< Of `frames`, those that a program outside the run has sent.
+  std::optional<double> load;        ///< Mean over the run, as in IdStatistics. Stuffing adds up to a quarter.
+  std::vector<IdStatistics> ids;     ///< Standard before extended, then by identifier.
 };
 
 [[nodiscard]] BusStatistics calc_bus_statistics(const Recording& recording);

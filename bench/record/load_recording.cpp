@@ -109,7 +109,8 @@ void read_bus(const std::filesystem::path& path, Recording& recording) {
     const can::ParsedLogLine parsed = can::parse_log_line(line);
     if (parsed.kind == can::LogLineKind::kComment) continue;
     if (parsed.kind == can::LogLineKind::kBad) lines.fail(parsed.complaint);
-    recording.frames.push_back(parsed.line.at, parsed.line.frame, kUnknownSender);
+    recording.frames.push_back(parsed.line.at, parsed.line.frame,
+                               parsed.line.device == kTapDevice ? kTapSender : kUnknownSender);
   }
 }
 

@@ -18,6 +18,11 @@ namespace meltbench::record {
 
 /// The sender of a frame that came from outside the bench, or from a log (candump text does not name senders).
 inline constexpr std::uint8_t kUnknownSender = 0xFF;
+/// The sender of a frame that a program outside the run has put on the embedded bus. bus.log has it under the device
+/// kTapDevice, all others under kBenchDevice.
+inline constexpr std::uint8_t kTapSender = 0xFE;
+inline constexpr std::string_view kBenchDevice = "bench";
+inline constexpr std::string_view kTapDevice = "tap";
 
 /// A CANopen node of this run, so that a report can say "feeder" where the wire says 5.
 struct NodeName {

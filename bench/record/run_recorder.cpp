@@ -21,8 +21,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::string_view kDevice = "bench";
-
 /// One JSON object as one line. Text that is not UTF-8 is repaired instead of thrown at: a recorder does not stop.
 void append_line(BlockFile& file, const Json& object) {
   file.text() += object.dump(-1, ' ', false, Json::error_handler_t::replace);
@@ -152,7 +150,7 @@ RunRecorder::~RunRecorder() = default;
 void RunRecorder::frame(const can::StampedFrame& stamped, std::uint8_t sender) {
   recording_.frames.push_back(stamped.at, stamped.frame, sender);
   if (!files_) return;
-  can::append_log_line(files_->bus.text(), stamped.at, kDevice, stamped.frame);
+  can::append_log_line(files_->bus.text(), stamped.at, sender == kTapSender ? kTapDevice : kBenchDevice, stamped.frame);
   files_->bus.end_line();
 }
 

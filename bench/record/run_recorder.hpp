@@ -15,7 +15,8 @@ namespace meltbench::record {
 ///
 /// Files, all UTF-8 text, none of which holds anything that differs between two equal runs in virtual time:
 ///   bus.log       candump -l: "(0000000012.340000) bench 185#11223344", and nothing else: a comment line would keep
-///                 python-can and Wireshark from reading it; what was run is in events.jsonl
+///                 python-can and Wireshark from reading it; what was run is in events.jsonl. What a program
+///                 outside the run has sent has the device "tap" instead of "bench"
 ///   signals.csv   "t_s,<names>"; time with nine decimals (whole nanoseconds), values as shortest exact decimals
 ///   events.jsonl  one object a line: {"type":"run",...} first, {"type":"event",...}, and {"type":"end",...} last
 /// Each write(2) ends at the end of a line and takes up to 64 KiB: what a killed bench loses is the block in memory,
@@ -35,7 +36,7 @@ class RunRecorder {
   RunRecorder(const RunRecorder&) = delete;
   RunRecorder& operator=(const RunRecorder&) = delete;
 
-  /// @param sender  number of the participant that sent it; kUnknownSender for a stranger.
+  /// @param sender  number of the participant that sent it; kTapSender or kUnknownSender for a stranger.
   void frame(const can::StampedFrame& stamped, std::uint8_t sender);
 
   /// @pre values.size() == number of signals; at not before the previous row.

@@ -47,8 +47,10 @@ Json describe(const record::BusStatistics& bus) {
                        {"max_period_s", number(id.max_period_s)},
                        {"load", number(id.load)}});
   }
-  return Json{{"frames", bus.frames},           {"data_bytes", bus.data_bytes}, {"error_frames", bus.error_frames},
-              {"lost_frames", bus.lost_frames}, {"load", number(bus.load)},     {"ids", std::move(ids)}};
+  return Json{
+      {"frames", bus.frames},           {"data_bytes", bus.data_bytes},         {"error_frames", bus.error_frames},
+      {"lost_frames", bus.lost_frames}, {"outside_frames", bus.outside_frames}, {"load", number(bus.load)},
+      {"ids", std::move(ids)}};
 }
 
 Json describe(const check::Health& health) {
@@ -120,17 +122,20 @@ std::string write_result_json(const record::Recording& recording, const check::C
   Json checks = Json::array();
   for (const check::CheckResult& check : results.checks) checks.push_back(describe(check));
 
+  const record::BusStatistics bus = record::calc_bus_statistics(recording);
+
   Json result{{"scenario", info.scenario}};
   if (!info.variant.empty()) result["variant"] = info.variant;
   result["title"] = info.title;
   result["seed"] = info.seed;
   result["held"] = results.held();
   result["pace"] = info.pace;
+  result["reproducible"] = info.in_virtual_time() && bus.outside_frames == 0;
   result["real_time_factor"] = info.in_virtual_time() ? Json(nullptr) : number(ending.real_time_factor);
   result["end"] = Json{{"reason", record::to_text(ending.reason)}, {"at_s", to_s(ending.at)}, {"text", ending.text}};
   result["checks"] = std::move(checks);
   result["health"] = describe(results.health);
-  result["bus"] = describe(record::calc_bus_statistics(recording));
+  result["bus"] = describe(bus);
   result["signals"] = describe_signals(recording);
   return dump(result);
 }

@@ -63,6 +63,13 @@ std::string describe_speed(const record::Recording& recording) {
   return recording.info.in_virtual_time() ? "virtual time" : "";
 }
 
+std::string describe_repeatability(const record::Recording& recording) {
+  if (!recording.info.in_virtual_time()) return "not to the byte: at wall-clock pace";
+  const bool disturbed = std::ranges::any_of(
+      recording.events, [](const record::RecordedEvent& e) { return e.event.code == "frames-from-outside"; });
+  return disturbed ? "not to the byte: a program outside the run has sent frames" : "to the byte";
+}
+
 std::string describe_end(const record::Recording& recording) {
   const record::Ending& ending = recording.ending;
   std::string text = fmt::format("{} at {:.6g} s of {:.6g} s", record::to_text(ending.reason), to_s(ending.at),
@@ -291,6 +298,7 @@ std::string render_what_was_run(std::span<const Run> runs) {
   html += fact_of("end", runs, describe_end);
   html += fact_of("pace", runs, [](const Recording& r) { return r.info.pace; });
   html += fact_of("speed", runs, describe_speed);
+  html += fact_of("repeatable", runs, describe_repeatability);
   html += fact_of("balances", runs, describe_balances);
   html += fact_of("participants", runs, describe_participants);
   html += fact_of("version", runs, [](const Recording& r) { return r.info.version; });

@@ -70,6 +70,22 @@ class RemoteParticipant {
   std::thread thread_;
 };
 
+/// An outsider that sends one frame, after so many times that it was asked in vain, and writes down what it sees.
+class ToyOutside final : public Outside {
+ public:
+  explicit ToyOutside(int silent_calls) : silent_calls_{silent_calls} {}
+  void exchange(std::size_t room, std::vector<can::CanFrame>& frames) override {
+    REQUIRE(room > 0);
+    if (silent_calls_-- == 0) frames.push_back(can::make_frame(0x123, {0xEE}));
+  }
+  void show(const can::StampedFrame& frame, std::size_t sender) override { seen.emplace_back(frame, sender); }
+  void watch(std::vector<pollfd>&) const override {}
+  std::vector<std::pair<can::StampedFrame, std::size_t>> seen;
+
+ private:
+  int silent_calls_;
+};
+
 }  // namespace
 
 TEST_CASE("Virtual time: a frame and its answer cross at the instant of its sending", "[bus]") {
@@ -227,4 +243,28 @@ TEST_CASE("Virtual time: what the bench asks of a participant wakes it at the in
   CHECK(obedient.heard[0].first >= Instant{30ms});
   CHECK(obedient.heard[0].first <= Instant{40ms});
   CHECK(obedient.heard[0].second == "kind = \"off\"");
+}
+
+TEST_CASE("Virtual time: a frame from outside enters when somebody is due next, reaches everybody and is marked",
+          "[bus]") {
+  Metronome metronome{"metronome", 0x700, 10ms};
+  Echo echo;
+  InProcessPort a{metronome};
+  InProcessPort b{echo};
+  const std::array<ParticipantPort*, 2> ports{&a, &b};
+  TextObserver observer;
+  ToyOutside outside{2};  // The instants after the start are 10, 20 and 30 ms: it sends at the third.
+  REQUIRE(VirtualTime{ports, 10ms, observer, &outside}.run(45ms).kind == RunOutcome::Kind::kCompleted);
+  const auto& seen = outside.seen;
+  const auto own = std::ranges::find(seen, kTapSender, [](const auto& each) { return each.second; });
+  REQUIRE(own != seen.end());
+  CHECK(own->first == can::StampedFrame{Instant{30ms}, can::make_frame(0x123, {0xEE})});
+  const auto answer = std::ranges::find(seen, 0x223U, [](const auto& each) { return each.first.frame.id; });
+  REQUIRE(answer != seen.end());
+  CHECK(answer->first.at == Instant{30ms});
+  CHECK(seen.size() == static_cast<std::size_t>(observer.frames));
+  const std::string text = observer.text.str();
+  CHECK(text.find("30000000 254 123#EE") != std::string::npos);
+  CHECK(text.find("event 254 frames-from-outside") != std::string::npos);
+  CHECK(text.find("frames-from-outside") == text.rfind("frames-from-outside"));
 }

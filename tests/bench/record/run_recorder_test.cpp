@@ -158,6 +158,21 @@ TEST_CASE("Run folder: its files are the text that other tools read", "[record]"
     CHECK(log[end + 1] == '(');
 }
 
+TEST_CASE("Run folder: a frame from outside keeps its mark, in the log and when it is read back", "[record]") {
+  const ScratchFolder scratch;
+  {
+    RunRecorder recorder{make_info(), make_signals(), scratch.path()};
+    recorder.frame({Instant{1ms}, can::make_frame(0x605, {0x40})}, kTapSender);
+    recorder.frame({Instant{2ms}, can::make_frame(0x585, {0x43})}, 1);
+    static_cast<void>(recorder.finish({}));
+  }
+  CHECK(read_file(scratch.path() / "bus.log") == "(0000000000.001000) tap 605#40\n(0000000000.002000) bench 585#43\n");
+  const Recording loaded = load_recording(scratch.path());
+  REQUIRE(loaded.frames.size() == 2);
+  CHECK(loaded.frames[0].sender == kTapSender);
+  CHECK(loaded.frames[1].sender == kUnknownSender);
+}
+
 TEST_CASE("Run folder: a bench killed in the middle leaves whole lines and is read as cut short", "[record]") {
   const ScratchFolder scratch;
   const pid_t child = ::fork();

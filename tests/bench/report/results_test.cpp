@@ -63,6 +63,16 @@ TEST_CASE("result.json: holds what scripts ask for", "[report]") {
   CHECK(result.at("signals").at("controller.x_m").at("min").is_number());
 }
 
+TEST_CASE("result.json: a run that somebody else has sent into is not reproducible", "[report]") {
+  SampleRun run = make_sample_run(1, 2);
+  const auto is_reproducible = [&run] {
+    return nlohmann::json::parse(write_result_json(run.recording, run.results)).at("reproducible").get<bool>();
+  };
+  CHECK(is_reproducible());
+  run.recording.frames.push_back(Instant{59s}, can::make_frame(0x605, {0x40}), record::kTapSender);
+  CHECK_FALSE(is_reproducible());
+}
+
 TEST_CASE("result.json: equal runs give equal bytes, the speed of the machine is not in them", "[report]") {
   SampleRun first = make_sample_run(2, 2);
   const SampleRun second = make_sample_run(2, 2);
