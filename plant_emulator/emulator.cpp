@@ -58,7 +58,9 @@ std::unique_ptr<Plant> make_plant(const EmulatorSettings& settings) {
 
 Emulator::Emulator(const EmulatorSettings& settings, std::uint64_t seed)
     : plant_{make_plant(settings)},
-      signals_{plant_->signals().begin(), plant_->signals().end()},
+      truth_count_{settings.knows_truth ? plant_->signals().size() : 0},
+      knows_truth_{settings.knows_truth},
+      signals_{plant_->signals().begin(), plant_->signals().begin() + static_cast<std::ptrdiff_t>(truth_count_)},
       material_changes_{settings.material_changes} {
   for (const BoardSettings& board : settings.boards) {
     boards_.push_back(make_board(board, seed, *plant_));
@@ -90,7 +92,7 @@ void Emulator::wake(const Wakeup& in, Outbox& out) {
 
   for (const can::CanFrame& frame : frames_) out.send(frame);
   report_boards(out);
-  plant_->report(now_, out);
+  if (knows_truth_) plant_->report(now_, out);
   out.wake_at(std::max(next_deadline(), in.now));
 }
 
@@ -180,9 +182,8 @@ void Emulator::report_boards(Outbox& out) {
 }
 
 void Emulator::read_signals(std::span<double> values) const {
-  const std::size_t of_plant = plant_->signals().size();
-  plant_->read_signals(values.first(of_plant));
-  values = values.subspan(of_plant);
+  if (knows_truth_) plant_->read_signals(values.first(truth_count_));
+  values = values.subspan(truth_count_);
   for (const auto& board : boards_) {
     const std::size_t count = board->signal_names().size();
     board->read_signals(values.first(count));

@@ -32,7 +32,8 @@ struct BoardSettings {
 
 struct EmulatorSettings {
   PlantSettings plant;
-  std::vector<BoardSettings> boards;             ///< At most one of each kind.
+  std::vector<BoardSettings> boards;             ///< At most one of each kind; those of the rig that are emulated.
+  bool knows_truth = true;                       ///< No board of the rig is real: the model is all there is.
   std::vector<MaterialChange> material_changes;  ///< In the order of time.
 };
 
@@ -40,7 +41,7 @@ struct EmulatorSettings {
 /// are read too.
 ///
 /// @throws config::ConfigError: a value out of range, an EDS that cannot be read or is not one of such a board, two
-/// boards of one kind.
+/// boards of one kind, nothing to emulate.
 [[nodiscard]] EmulatorSettings read_settings(const config::Section& root, const config::Rig& rig);
 
 /// Plant and boards on one CAN link, as one participant ("plant").
@@ -60,8 +61,8 @@ class Emulator final : public Participant {
   [[nodiscard]] std::string_view name() const override { return "plant"; }
   void wake(const Wakeup& in, Outbox& out) override;
 
-  /// plant.*, melt.*, barrel.*: the model's own truth, which no board shows. NAME.*: what the firmware of board NAME
-  /// knows.
+  /// plant.*, melt.*, barrel.*: the model's own truth, which no board shows; not offered beside real boards, of which
+  /// the model knows nothing. NAME.*: what the firmware of board NAME knows.
   [[nodiscard]] std::span<const SignalInfo> signals() const override { return signals_; }
   void read_signals(std::span<double> values) const override;
 
@@ -76,6 +77,8 @@ class Emulator final : public Participant {
   void report_boards(Outbox& out);
 
   std::unique_ptr<Plant> plant_;
+  std::size_t truth_count_;  // Signals of the plant that are offered.
+  bool knows_truth_;
   std::vector<std::unique_ptr<board::Board>> boards_;
   std::vector<SignalInfo> signals_;
   std::vector<MaterialChange> material_changes_;

@@ -29,6 +29,8 @@ int main(int argc, char** argv) {
   meltbench::runtime::ProgramOptions options;
   app.add_option("--rig", rig, "machine description (TOML)")->required();
   app.add_option("--can", options.can, "virtual:NAME | can0, vcan0 ...")->capture_default_str();
+  app.add_option("--rt", options.rt_priority, "SCHED_FIFO priority, 1..99, with locked memory; for a wall-clock bus")
+      ->check(CLI::Range(1, 99));
   app.add_option("--bench", options.bench, "virtual:NAME of a bench to report to when the frames go over the kernel");
   app.add_option("--seed", seed, "phases of the boards' clocks, noise")->capture_default_str();
   app.footer(

@@ -61,7 +61,11 @@ BoardSettings read_board(const config::RigBoard& board, const board::PlantRates&
 
 EmulatorSettings read_settings(const config::Section& root, const config::Rig& rig) {
   const PlantReading plant = read_plant(root.section_or_empty("plant"));
-  EmulatorSettings settings{plant.plant, {}, {}};
+  if (!rig.has_emulated_board()) {
+    root.fail_here("every board of this rig is real: there is nothing to emulate",
+                   "part = \"emulated\", the default, makes a board ours");
+  }
+  EmulatorSettings settings{plant.plant, {}, !rig.has_real_board(), {}};
   settings.material_changes = read_material_changes(config::read_events(root, rig, "plant"), settings.plant);
   std::array<const config::RigBoard*, config::kBoardKinds> of_kind{};
   for (const config::RigBoard& board : rig.boards) {
@@ -71,9 +75,10 @@ EmulatorSettings read_settings(const config::Section& root, const config::Rig& r
                          "an extruder has one board of each kind");
     }
     first = &board;
+    if (board.is_real) continue;  // Its other keys are for the day when it is emulated.
     settings.boards.push_back(read_board(board, plant.rates));
     try {
-      const Emulator trial{{settings.plant, {settings.boards.back()}, {}}, 0};
+      const Emulator trial{{settings.plant, {settings.boards.back()}, true, {}}, 0};
     } catch (const std::exception& error) {
       board.section.fail("eds", fmt::format("must describe a {}: {}", config::name_of(board.kind), error.what()),
                          "fixtures/boards/ has one of each kind");

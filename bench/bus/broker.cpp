@@ -1,5 +1,6 @@
 #include "bench/bus/broker.hpp"
 
+#include <fcntl.h>
 #include <poll.h>
 #include <sys/socket.h>
 
@@ -29,8 +30,9 @@ std::optional<Joined> accept_program(const link::UniqueFd& listener) {
 
 }  // namespace
 
-Broker::Broker(std::string bus_name)
-    : bus_name_{std::move(bus_name)}, listener_{link::listen_embedded_bus(bus_name_)} {}
+Broker::Broker(std::string bus_name) : bus_name_{std::move(bus_name)}, listener_{link::listen_embedded_bus(bus_name_)} {
+  ::fcntl(listener_.get(), F_SETFL, O_NONBLOCK);  // Who connects may be gone before he is taken.
+}
 
 Broker::~Broker() {
   link::remove_embedded_bus(bus_name_);
@@ -50,6 +52,22 @@ std::optional<std::vector<Joined>> Broker::wait_for(std::span<const std::string>
   std::vector<Joined> result;
   for (auto& joined : found) result.push_back(std::move(*joined));
   return result;
+}
+
+std::optional<Joined> Broker::take_newcomer() {
+  link::UniqueFd connection{::accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC)};
+  if (connection) silent_.emplace_back(std::move(connection));
+  for (auto socket = silent_.begin(); socket != silent_.end(); ++socket) {
+    std::span<const std::uint8_t> message;
+    const link::ReceiveStatus status = socket->try_receive(message);
+    if (status == link::ReceiveStatus::kTimeout || status == link::ReceiveStatus::kInterrupted) continue;
+    auto hello = status == link::ReceiveStatus::kMessage ? runtime::read_hello(message) : std::nullopt;
+    link::BenchSocket said = std::move(*socket);
+    silent_.erase(socket);
+    if (!hello) return std::nullopt;  // Its socket closes here, and it sees that.
+    return Joined{std::move(*hello), std::move(said)};
+  }
+  return std::nullopt;
 }
 
 bool welcome(Joined& joined, const link::Welcome& welcome) {

@@ -36,11 +36,17 @@ class Broker {
   [[nodiscard]] std::optional<std::vector<Joined>> wait_for(std::span<const std::string> names,
                                                             const std::function<bool()>& give_up);
 
+  /// A program that has joined since; nothing if there is none. Does not wait.
+  [[nodiscard]] std::optional<Joined> take_newcomer();
+  /// For poll(2): readable when a program connects.
+  [[nodiscard]] int fd() const { return listener_.get(); }
+
   [[nodiscard]] const std::string& bus_name() const { return bus_name_; }
 
  private:
   std::string bus_name_;
   link::UniqueFd listener_;
+  std::vector<link::BenchSocket> silent_;  ///< Newcomers that have not said hello yet.
 };
 
 /// Tells a program how time passes in this run, and so that it begins. @returns false if it has gone.

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "protocols/can/frame.hpp"
 #include "protocols/participant/participant.hpp"
@@ -26,6 +27,9 @@ class RunObserver {
   /// The signals of all participants at a whole multiple of the record period, in the order of the participants.
   virtual void on_row(Instant at, std::span<const double> values) = 0;
   virtual void on_event(std::size_t participant, const Event& event) = 0;
+  /// A program that the bench did not start has joined a running bus; on_event() calls it by the next free number, its
+  /// frames come from kTapSender, and its signals are not recorded.
+  virtual void on_join(std::string_view /*name*/) {}
 };
 
 struct RunOutcome {

@@ -21,34 +21,57 @@ constexpr std::size_t kMaxOutsideFramesAtOnce = 16;
 
 }  // namespace
 
-WallClockRelay::WallClockRelay(std::span<Joined> joined, link::CanLink* kernel_bus, Nanos record_period,
+WallClockRelay::WallClockRelay(std::span<Joined> joined, Broker& broker, link::CanLink* kernel_bus, Nanos record_period,
                                Outside* outside)
-    : kernel_bus_{kernel_bus}, outside_{outside}, record_period_{record_period} {
+    : broker_{broker}, kernel_bus_{kernel_bus}, outside_{outside}, record_period_{record_period} {
   for (Joined& program : joined) {
-    Party party;
-    party.joined = &program;
+    Party& party = add_party(program);
     party.first_signal = signals_.size();
     signals_.insert(signals_.end(), program.hello.signals.begin(), program.hello.signals.end());
     const auto own = runtime::real_time_signals(program.hello.name);
     signals_.insert(signals_.end(), own.begin(), own.end());
-    party.signal_count = signals_.size() - party.first_signal;
-    parties_.push_back(std::move(party));
   }
   values_.resize(signals_.size());
+}
+
+WallClockRelay::Party& WallClockRelay::add_party(Joined& joined) {
+  Party party;
+  party.joined = &joined;
+  party.signal_count = joined.hello.signals.size() + runtime::real_time_signals(joined.hello.name).size();
+  parties_.push_back(std::move(party));
+  return parties_.back();
+}
+
+/// Lets in who comes to a running bus, unless the bench has started one of that name: two would drive one machine.
+void WallClockRelay::take_newcomer() {
+  auto newcomer = broker_.take_newcomer();
+  const bool on_kernel_bus = kernel_bus_ != nullptr;
+  if (!newcomer || newcomer->hello.carries_frames == on_kernel_bus) return;  // Frames of another bus than ours.
+  const auto has_its_name = [&](const Party& party) {
+    return !party.gone && party.joined->hello.name == newcomer->hello.name;
+  };
+  if (std::ranges::any_of(parties_, has_its_name)) return;
+  outsiders_.push_back(std::move(*newcomer));
+  Party& party = add_party(outsiders_.back());
+  party.is_outsider = true;
+  observer_->on_join(party.joined->hello.name);
+  party.gone = !welcome(*party.joined, welcome_);
 }
 
 RunOutcome WallClockRelay::run(Nanos duration, double speed, RunObserver& observer) {
   observer_ = &observer;
   const Nanos start = runtime::read_monotonic() + kStartDelay;
   clock_ = runtime::RealTimeClock{start, speed};
+  welcome_ = {link::Pace::kWallClock, speed, start, record_period_};
   for (Party& party : parties_) {
     party.heard_of = start;
-    party.gone = !welcome(*party.joined, {link::Pace::kWallClock, speed, start, record_period_});
+    party.gone = !welcome(*party.joined, welcome_);
   }
   const Nanos end = clock_.to_monotonic(Instant{duration});
   RunOutcome outcome;
   while (runtime::read_monotonic() < end && outcome.text.empty()) {
     wait(std::min(end, runtime::read_monotonic() + 10ms));
+    take_newcomer();
     for (std::size_t number = 0; number < parties_.size(); ++number) read_messages(number);
     read_kernel_bus();
     exchange_with_outside();
@@ -61,6 +84,7 @@ RunOutcome WallClockRelay::run(Nanos duration, double speed, RunObserver& observ
   outcome.at = std::min(clock_.now(), Instant{duration});
   outcome.lost_frames = lost_frames_;
   write_rows_until(outcome.at);
+  for (Joined& outsider : outsiders_) stop(outsider);
   return outcome;
 }
 
@@ -71,6 +95,7 @@ void WallClockRelay::wait(Nanos until) {
   }
   if (kernel_bus_ != nullptr) watched_.push_back({kernel_bus_->fd(), POLLIN, 0});
   if (outside_ != nullptr) outside_->watch(watched_);
+  watched_.push_back({broker_.fd(), POLLIN, 0});
   const Nanos span = std::max(until - runtime::read_monotonic(), 0ns);
   const timespec timeout{span / 1s, (span % 1s).count()};
   ::ppoll(watched_.data(), watched_.size(), &timeout, nullptr);
@@ -91,7 +116,7 @@ void WallClockRelay::read_messages(std::size_t number) {
     Report report{{}, std::vector<double>(party.signal_count)};
     if (const auto at = runtime::read_report(message, events_, report.values)) {
       report.at = *at;
-      party.reports.push_back(std::move(report));
+      if (!party.is_outsider) party.reports.push_back(std::move(report));
       for (const Event& event : events_) observer_->on_event(number, event);
     }
   }
@@ -123,7 +148,8 @@ bool WallClockRelay::all_have_room() const {
 
 void WallClockRelay::carry(std::size_t sender, Nanos at_monotonic, const can::CanFrame& frame) {
   last_frame_at_ = std::max({last_frame_at_, clock_.to_instant(at_monotonic), Instant{}});
-  observer_->on_frame({last_frame_at_, frame}, sender);
+  const bool is_joined = sender < parties_.size() && parties_[sender].is_outsider;
+  observer_->on_frame({last_frame_at_, frame}, is_joined ? kTapSender : sender);
   if (outside_ != nullptr) outside_->show({last_frame_at_, frame}, sender);
   if (sender == kOutsideSender) return;  // The kernel has carried it already.
   runtime::write_frame(writer_, at_monotonic, frame);
@@ -148,6 +174,7 @@ void WallClockRelay::write_rows_until(Instant at) {
 
 std::string WallClockRelay::find_lost() const {
   for (const Party& party : parties_) {
+    if (party.is_outsider) continue;
     const double at_s = to_s(clock_.now());
     if (party.gone) return fmt::format("{} has died at {:.3f} s of the run", party.joined->hello.name, at_s);
     if (runtime::read_monotonic() - party.heard_of > kWatchdog) {

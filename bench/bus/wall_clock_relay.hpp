@@ -14,13 +14,15 @@ namespace meltbench::bus {
 
 /// Runs participants at wall-clock pace: hands the frames of each to all others, or listens on the kernel bus that they
 /// use, and writes down what they report. A participant that is slow to take its frames loses them, and is counted; it
-/// never holds up the others.
+/// never holds up the others. Programs that the bench did not start may join the embedded bus at any time.
 class WallClockRelay {
  public:
-  /// @param joined  in the order of their numbers.  @param kernel_bus  the bus to listen on; null: carry the frames.
+  /// @param joined  in the order of their numbers.  @param broker  where others join.
+  /// @param kernel_bus  the bus to listen on; null: carry the frames.
   /// @param outside  who else is on the embedded bus; null: nobody. Frames from there wait until every participant has
   /// room for them, so that they push nothing out.
-  WallClockRelay(std::span<Joined> joined, link::CanLink* kernel_bus, Nanos record_period, Outside* outside = nullptr);
+  WallClockRelay(std::span<Joined> joined, Broker& broker, link::CanLink* kernel_bus, Nanos record_period,
+                 Outside* outside = nullptr);
 
   /// Welcomes everybody, runs for `duration` of bench time at `speed` bench seconds per second.
   [[nodiscard]] RunOutcome run(Nanos duration, double speed, RunObserver& observer);
@@ -40,8 +42,11 @@ class WallClockRelay {
     std::deque<Report> reports;  ///< Newer than the last row.
     Nanos heard_of{};            ///< CLOCK_MONOTONIC.
     bool gone = false;
+    bool is_outsider = false;  ///< Not started by the bench: joined later, and may leave.
   };
 
+  Party& add_party(Joined& joined);
+  void take_newcomer();
   void wait(Nanos until);
   void read_messages(std::size_t number);
   void read_kernel_bus();
@@ -52,6 +57,8 @@ class WallClockRelay {
   [[nodiscard]] std::string find_lost() const;
 
   std::vector<Party> parties_;
+  std::deque<Joined> outsiders_;
+  Broker& broker_;
   link::CanLink* kernel_bus_;
   Outside* outside_;
   std::vector<can::CanFrame> from_outside_;
@@ -59,6 +66,7 @@ class WallClockRelay {
   std::vector<pollfd> watched_;
   Nanos record_period_;
   RunObserver* observer_ = nullptr;  ///< Of the run that goes on.
+  link::Welcome welcome_;
   runtime::RealTimeClock clock_{Nanos{}, 1.0};
   std::vector<SignalInfo> signals_;
   std::vector<double> values_;

@@ -29,6 +29,10 @@ class MomentFinder {
 
   std::vector<Instant> operator()(const Moment::OnEvent& moment) const {
     std::vector<Instant> found;
+    if (recording_.info.is_unseen(moment.source)) {
+      outcome_ = skipped(std::move(outcome_), moment.source + "." + moment.code);
+      return found;
+    }
     for (const record::RecordedEvent& e : recording_.events) {
       if (matches(e.event, e.source, moment.code, moment.source)) found.push_back(e.event.at);
     }
@@ -102,6 +106,7 @@ Outcome Reaction::judge(const record::Recording& recording) const {
 Outcome EventOccurs::judge(const record::Recording& recording) const {
   Outcome outcome;
   outcome.unit = "events";
+  if (recording.info.is_unseen(source)) return skipped(std::move(outcome), source + "." + code);
   std::int64_t found = 0;
   for (const record::RecordedEvent& e : recording.events) {
     if (e.event.at < window.from || e.event.at > window.to || !matches(e.event, e.source, code, source)) continue;

@@ -297,13 +297,12 @@ CheckResult describe(const Health& health) {
 
 }  // namespace
 
-void CheckSet::require_signals(const std::vector<SignalInfo>& signals, bool real_plant) const {
-  if (real_plant) return;
+void CheckSet::require_signals(const std::vector<SignalInfo>& signals, const record::RunInfo& info) const {
   std::vector<std::string> names;
   for (const SignalInfo& signal : signals) names.push_back(signal.name);
   for (const Check& check : checks) {
     const auto require = [&](const std::string& name) {
-      if (std::find(names.begin(), names.end(), name) != names.end()) return;
+      if (info.is_unseen(name) || std::find(names.begin(), names.end(), name) != names.end()) return;
       const std::string_view near = config::nearest(name, names);
       throw config::ConfigError(check.origin, fmt::format("check \"{}\": there is no signal \"{}\"", check.name, name),
                                 near.empty() ? "signals.csv of any run of this rig names them all in its first line"

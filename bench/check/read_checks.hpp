@@ -28,8 +28,9 @@ struct CheckSet {
   HealthGate health;
 
   /// Before the run: does every signal that a check names exist?
-  /// @throws config::ConfigError at the check, naming the nearest signal. Not thrown for signals of a real plant.
-  void require_signals(const std::vector<SignalInfo>& signals, bool real_plant) const;
+  /// @param info  says which parts the bench cannot look into: their signals are missing by nature.
+  /// @throws config::ConfigError at the check, naming the nearest signal.
+  void require_signals(const std::vector<SignalInfo>& signals, const record::RunInfo& info) const;
 
   /// After the run. Pure: same recording, same results. The health gate comes last.
   [[nodiscard]] CheckResults judge(const record::Recording& recording) const;

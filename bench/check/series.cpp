@@ -11,13 +11,11 @@ namespace {
 std::optional<std::size_t> find(const record::Recording& recording, const std::string& name, Outcome& outcome) {
   const auto column = recording.find_signal(name);
   if (column) return column;
-  outcome.held = recording.info.real_plant;
-  outcome.margin = outcome.held ? 0 : kNothingMeasured;
-  if (recording.info.real_plant) {
-    outcome.skipped = fmt::format("there is no signal {} in this run: the plant is real", name);
-    outcome.text = outcome.skipped;
+  if (recording.info.is_unseen(name)) {
+    outcome = skipped(std::move(outcome), name);
     return std::nullopt;
   }
+  outcome.margin = kNothingMeasured;
   std::vector<std::string> names;
   for (const SignalInfo& signal : recording.signals) names.push_back(signal.name);
   const std::string_view near = config::nearest(name, names);
@@ -55,6 +53,15 @@ std::optional<Judged> open(const record::Recording& recording, const Quantity& q
     return std::nullopt;
   }
   return Judged{*series, rows};
+}
+
+Outcome skipped(Outcome outcome, std::string_view name) {
+  outcome.held = true;
+  outcome.margin = 0;
+  outcome.skipped = fmt::format("{} is not known in this run: {} is no part of the bench, only its frames are seen",
+                                name, name.substr(0, name.find('.')));
+  outcome.text = outcome.skipped;
+  return outcome;
 }
 
 Outcome failed(Outcome outcome, std::string text, std::optional<double> at_s) {

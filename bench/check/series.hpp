@@ -32,7 +32,8 @@ class Series {
   std::optional<std::size_t> minus_;
 };
 
-/// Finds the quantity's signals. If one is missing, the outcome says so: skipped where the plant is real, else failed.
+/// Finds the quantity's signals. If one is missing, the outcome says so: skipped where the bench cannot look into the
+/// part that it belongs to, else failed.
 [[nodiscard]] std::optional<Series> resolve(const record::Recording& recording, const Quantity& quantity,
                                             Outcome& outcome);
 
@@ -57,6 +58,9 @@ struct Judged {
 [[nodiscard]] inline double row_s(const record::Recording& recording, std::size_t row) {
   return to_s(recording.row_times[row]);
 }
+
+/// An outcome of a check that needs a signal or an event of a part that the bench only knows by its frames.
+[[nodiscard]] Outcome skipped(Outcome outcome, std::string_view name);
 
 /// An outcome that failed without a measurement.
 [[nodiscard]] Outcome failed(Outcome outcome, std::string text, std::optional<double> at_s = std::nullopt);

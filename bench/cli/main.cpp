@@ -38,6 +38,7 @@ struct Words {
   std::string pace = "lockstep";
   bool in_process = false;
   std::uint64_t seed = 0;  // 0..kMaxSeed
+  int rt_priority = 0;
   std::filesystem::path scenarios;
   std::vector<std::filesystem::path> folders;
   std::filesystem::path page;
@@ -52,11 +53,18 @@ CLI::App* add_run_command(CLI::App& app, Words& words) {
   run->add_option("--out", words.run.out, "Folder of the results")->default_str("meltbench-out");
   run->add_option("--seed", words.seed, "Instead of the scenario's seed; same seed, same bytes")
       ->check(CLI::Range(std::uint64_t{0}, kMaxSeed));
-  run->add_option("--pace", words.pace, "lockstep | realtime | realtime:FACTOR")->capture_default_str();
+  run->add_option("--pace", words.pace,
+                  "lockstep | realtime | realtime:FACTOR  (default: lockstep, realtime on a kernel bus or with real "
+                  "parts)");
   run->add_flag("--in-process", words.in_process, "Virtual time without processes: same recording, faster");
   run->add_option(
       "--can", words.run.can,
       "virtual:NAME | can0, vcan0 ...; a kernel bus runs at --pace realtime  (default: a bus of this run alone)");
+  run->add_option("--controller-can", words.run.controller_can,
+                  "Another kernel interface for the controller, on the same wire as the boards' --can");
+  run->add_option("--rt", words.rt_priority,
+                  "Wall-clock pace: programs and bench run at this SCHED_FIFO priority, 1..99")
+      ->check(CLI::Range(1, 99));
   run->add_flag("--quiet", words.run.quiet, "Print failures, the sum and the report's place only");
   run->footer(
       "Exit status: 0 all checks held, 1 a check failed, 2 bad usage or file, 3 a process or link was lost\n"
@@ -67,18 +75,25 @@ CLI::App* add_run_command(CLI::App& app, Words& words) {
 /// @throws std::invalid_argument for what cannot go together.
 void settle(Words& words, const CLI::App& run) {
   words.run.pace = cli::parse_pace(words.pace);
+  words.run.pace_given = words.in_process || run.count("--pace") > 0;
   if (words.in_process) {
     if (!words.run.pace.is_virtual())
       throw std::invalid_argument{"--in-process runs in virtual time: drop it, or --pace"};
     if (!words.run.can.empty()) throw std::invalid_argument{"--in-process uses no bus that --can could name"};
     words.run.pace.kind = cli::Pace::Kind::kInProcess;
   }
-  if (!words.run.can.empty() && link::parse_bus_uri(words.run.can).kind == link::BusUri::Kind::kSocketCan) {
-    if (run.count("--pace") > 0 && words.run.pace.is_virtual()) {
+  const bool on_kernel =
+      !words.run.can.empty() && link::parse_bus_uri(words.run.can).kind == link::BusUri::Kind::kSocketCan;
+  if (on_kernel) {
+    if (words.run.pace_given && words.run.pace.is_virtual()) {
       throw std::invalid_argument{"a kernel bus has no virtual time: use --pace realtime"};
     }
     words.run.pace.kind = cli::Pace::Kind::kRealTime;
   }
+  if (!words.run.controller_can.empty() && !on_kernel) {
+    throw std::invalid_argument{"--controller-can needs a --can that is a kernel interface, too"};
+  }
+  if (run.count("--rt") > 0) words.run.rt_priority = words.rt_priority;
   if (run.count("--seed") > 0) words.run.seed = words.seed;
   if (words.run.out.empty()) words.run.out = "meltbench-out";
 }

@@ -17,7 +17,10 @@ struct RunRequest {
   std::optional<std::uint64_t> seed;  ///< Instead of the scenario's.
   bool quiet = false;                 ///< Verdict and report only.
   Pace pace;
-  std::string can;  ///< Bus name; empty: an embedded bus of this run alone.
+  bool pace_given = false;     ///< By the user; else a run on a kernel bus or with real parts takes wall-clock pace.
+  std::string can;             ///< Bus name; empty: an embedded bus of this run alone.
+  std::string controller_can;  ///< Kernel interface of the controller, if it has another one than the boards.
+  std::optional<int> rt_priority;  ///< SCHED_FIFO priority of the programs and of the bench, 1..99.
 };
 
 }  // namespace meltbench::cli

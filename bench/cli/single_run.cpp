@@ -4,9 +4,10 @@
 #include <sched.h>
 #include <unistd.h>
 
-#include <array>
+#include <algorithm>
 #include <chrono>
 #include <fstream>
+#include <stdexcept>
 #include <system_error>
 
 #include "bench/bus/broker.hpp"
@@ -19,6 +20,7 @@
 #include "controller/machine/controller.hpp"
 #include "plant_emulator/emulator.hpp"
 #include "protocols/link/socketcan_link.hpp"
+#include "protocols/runtime/real_time_process.hpp"
 #include "protocols/runtime/stop_signal.hpp"
 
 namespace meltbench::cli {
@@ -26,13 +28,14 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-/// Participant numbers: who goes first at one instant. The controller's SYNC then finds the boards not yet woken.
-constexpr std::array<std::string_view, 2> kParticipants{"controller", "plant"};
+constexpr const char* kController = "controller";
+constexpr const char* kPlant = "plant";
 
 /// Hands what happens to the recorder, and the time to the progress line.
 class Observer final : public bus::RunObserver {
  public:
-  Observer(record::RunRecorder& recorder, Progress& progress) : recorder_{recorder}, progress_{progress} {}
+  Observer(record::RunRecorder& recorder, Progress& progress)
+      : recorder_{recorder}, names_{recorder.recording().info.participants}, progress_{progress} {}
 
   void on_frame(const can::StampedFrame& frame, std::size_t sender) override {
     recorder_.frame(frame, static_cast<std::uint8_t>(sender));
@@ -42,37 +45,56 @@ class Observer final : public bus::RunObserver {
     if (++rows_ % kRowsPerLook == 0) progress_.at(at);
   }
   void on_event(std::size_t participant, const Event& event) override {
-    recorder_.event(participant < kParticipants.size() ? kParticipants[participant] : "bench", event);
+    recorder_.event(participant < names_.size() ? std::string_view{names_[participant]} : "bench", event);
   }
+  void on_join(std::string_view name) override { names_.emplace_back(name); }
 
  private:
   static constexpr std::uint64_t kRowsPerLook = 64;
   record::RunRecorder& recorder_;
+  std::vector<std::string> names_;
   Progress& progress_;
   std::uint64_t rows_ = 0;
 };
 
-record::RunInfo make_info(const scenario::ResolvedRun& run, const RunRequest& request) {
+/// Participants by number: who goes first at one instant. The controller's SYNC then finds the boards not yet woken.
+/// At wall-clock pace those that the bench starts; in virtual time also a controller that is started by hand.
+std::vector<std::string> name_participants(const PreparedRun& prepared) {
+  std::vector<std::string> names;
+  if (prepared.controller || prepared.pace.kind == Pace::Kind::kLockstep) names.emplace_back(kController);
+  if (prepared.plant) names.emplace_back(kPlant);
+  return names;
+}
+
+/// First words of what the bench cannot record in this run.
+std::vector<std::string> name_unseen(const PreparedRun& prepared) {
+  std::vector<std::string> unseen;
+  const std::vector<std::string>& there = prepared.info.participants;
+  if (std::ranges::find(there, kController) == there.end()) unseen.emplace_back(kController);
+  if (!prepared.run.rig.has_real_board()) return unseen;
+  unseen.insert(unseen.end(), {kPlant, "melt", "barrel"});
+  for (const config::RigBoard& board : prepared.run.rig.boards) {
+    if (board.is_real) unseen.push_back(board.name);
+  }
+  return unseen;
+}
+
+record::RunInfo make_info(const PreparedRun& prepared, const RunRequest& request) {
+  const scenario::ResolvedRun& run = prepared.run;
   record::RunInfo info;
   info.scenario = run.name;
   info.variant = run.variant;
   info.title = run.variant.empty() ? run.title : run.title + ": " + run.variant_title;
   info.seed = run.seed;
   info.duration = run.duration;
-  info.pace = request.pace.text();
-  info.participants.assign(kParticipants.begin(), kParticipants.end());
+  info.pace = prepared.pace.text();
+  info.participants = name_participants(prepared);
   info.nodes.push_back({run.rig.controller_node_id, "controller"});
   for (const config::RigBoard& board : run.rig.boards) info.nodes.push_back({board.node_id, board.name});
   info.bit_rate_bit_per_s = run.rig.bus.bit_rate_bit_per_s;
   info.version = kProgramVersion;
   info.repeat_command = fmt::format("meltbench run {} --seed {}", run.file.string(), run.seed);
   return info;
-}
-
-std::vector<SignalInfo> join_signals(std::span<const SignalInfo> first, std::span<const SignalInfo> second) {
-  std::vector<SignalInfo> signals{first.begin(), first.end()};
-  signals.insert(signals.end(), second.begin(), second.end());
-  return signals;
 }
 
 record::EndReason to_end_reason(bus::RunOutcome::Kind kind) {
@@ -107,18 +129,34 @@ void write_repro_file(const PreparedRun& prepared) {
   if (!file) throw std::system_error{errno, std::generic_category(), "cannot write " + path.string()};
 }
 
+/// The ports of a run in virtual time, in the order of their numbers.
+std::vector<runtime::ParticipantPort*> to_pointers(std::span<const std::unique_ptr<runtime::ParticipantPort>> ports) {
+  std::vector<runtime::ParticipantPort*> pointers;
+  for (const auto& port : ports) pointers.push_back(port.get());
+  return pointers;
+}
+
+using Ports = std::vector<std::unique_ptr<runtime::ParticipantPort>>;
+
+/// @returns how it ended; the recording is not yet finished.
+bus::RunOutcome run_in_virtual_time(const PreparedRun& prepared, const RunRequest& request, const Ports& ports,
+                                    std::optional<record::RunRecorder>& recorder) {
+  std::vector<SignalInfo> signals;
+  for (const auto& port : ports) signals.insert(signals.end(), port->signals().begin(), port->signals().end());
+  recorder.emplace(prepared.info, std::move(signals), prepared.folder);
+  Progress progress{prepared.run.label(), prepared.run.duration, request.quiet};
+  Observer observer{*recorder, progress};
+  return bus::VirtualTime{to_pointers(ports), prepared.run.record_period, observer}.run(prepared.run.duration);
+}
+
 record::Recording run_in_process(PreparedRun& prepared, const RunRequest& request) {
   write_repro_file(prepared);
-  runtime::InProcessPort controller{*prepared.controller};
-  runtime::InProcessPort plant{*prepared.plant};
-  const std::array<runtime::ParticipantPort*, 2> ports{&controller, &plant};
-  record::RunRecorder recorder{make_info(prepared.run, request), join_signals(controller.signals(), plant.signals()),
-                               prepared.folder};
-  Progress progress{prepared.run.label(), prepared.run.duration, request.quiet};
-  Observer observer{recorder, progress};
-  const bus::RunOutcome outcome =
-      bus::VirtualTime{ports, prepared.run.record_period, observer}.run(prepared.run.duration);
-  return recorder.finish(to_ending(outcome));
+  Ports ports;
+  ports.push_back(std::make_unique<runtime::InProcessPort>(*prepared.controller));
+  ports.push_back(std::make_unique<runtime::InProcessPort>(*prepared.plant));
+  std::optional<record::RunRecorder> recorder;
+  const bus::RunOutcome outcome = run_in_virtual_time(prepared, request, ports, recorder);
+  return recorder->finish(to_ending(outcome));
 }
 
 /// Keeps this process on one processor, together with the children that are told the same: in lockstep they never run
@@ -155,19 +193,19 @@ class Programs {
     const std::string own_bus = "virtual:" + bus_name;
     const std::string can = request.can.empty() ? own_bus : request.can;
     const std::string rig = (prepared.folder / "repro.toml").string();
-    std::vector<std::string> controller{folder + "/controller", "--rig", rig, "--can", can};
-    std::vector<std::string> plant{folder + "/plant_emulator",       "--rig", rig, "--can", can, "--seed",
-                                   std::to_string(prepared.run.seed)};
-    if (can != own_bus) {
-      for (auto* command : {&controller, &plant}) command->insert(command->end(), {"--bench", own_bus});
-    }
-    children_.emplace_back("controller", controller, cpu);
-    children_.emplace_back("plant_emulator", plant, cpu);
+    const auto start = [&](const char* program, const std::string& bus, std::vector<std::string> more) {
+      std::vector<std::string> command{fmt::format("{}/{}", folder, program), "--rig", rig, "--can", bus};
+      command.insert(command.end(), more.begin(), more.end());
+      if (bus != own_bus) command.insert(command.end(), {"--bench", own_bus});
+      if (request.rt_priority) command.insert(command.end(), {"--rt", std::to_string(*request.rt_priority)});
+      children_.emplace_back(program, command, cpu);
+    };
+    if (prepared.controller) start("controller", request.controller_can.empty() ? can : request.controller_can, {});
+    if (prepared.plant) start("plant_emulator", can, {"--seed", std::to_string(prepared.run.seed)});
   }
 
   /// @throws std::runtime_error naming the program that ended before it joined.
-  [[nodiscard]] std::vector<bus::Joined> wait_until_joined(bus::Broker& broker) {
-    const std::vector<std::string> names{kParticipants.begin(), kParticipants.end()};
+  [[nodiscard]] std::vector<bus::Joined> wait_until_joined(bus::Broker& broker, std::span<const std::string> names) {
     auto joined = broker.wait_for(names, [this] { return runtime::stop_requested() || !describe_ends().empty(); });
     if (joined) return std::move(*joined);
     throw std::runtime_error{runtime::stop_requested() ? "interrupted before the run began"
@@ -209,28 +247,36 @@ std::string choose_bus_name(const RunRequest& request) {
   return named ? uri->name : fmt::format("run-{}", ::getpid());
 }
 
+/// Tells how parts that are not ours get onto an embedded bus.
+void print_invitation(const PreparedRun& prepared, const bus::Broker& broker) {
+  if (prepared.controller && !prepared.run.rig.has_real_board()) return;
+  fmt::print(stderr, "the bus is virtual:{}", broker.bus_name());
+  if (!prepared.controller) {
+    fmt::print(stderr, "; an external controller of ours joins it with: controller --rig {} --can virtual:{}",
+               (prepared.folder / "repro.toml").string(), broker.bus_name());
+  }
+  fmt::print(stderr, "\n");
+}
+
 record::Recording run_in_lockstep(const PreparedRun& prepared, const RunRequest& request) {
   const OneProcessor pinned;
   bus::Broker broker{choose_bus_name(request)};
   write_repro_file(prepared);
   Programs programs{prepared, request, broker.bus_name(), pinned.cpu()};
-  std::vector<bus::Joined> joined = programs.wait_until_joined(broker);
+  print_invitation(prepared, broker);
+  std::vector<bus::Joined> joined = programs.wait_until_joined(broker, prepared.info.participants);
+  Ports ports;
   for (bus::Joined& program : joined) {
     static_cast<void>(bus::welcome(program, {link::Pace::kLockstep, 1.0, Nanos{}, prepared.run.record_period}));
+    ports.push_back(std::make_unique<bus::SocketPort>(program));
   }
-  bus::SocketPort controller{joined[0]};
-  bus::SocketPort plant{joined[1]};
-  const std::array<runtime::ParticipantPort*, 2> ports{&controller, &plant};
-  record::RunRecorder recorder{make_info(prepared.run, request), join_signals(controller.signals(), plant.signals()),
-                               prepared.folder};
-  Progress progress{prepared.run.label(), prepared.run.duration, request.quiet};
-  Observer observer{recorder, progress};
-  const bus::RunOutcome outcome =
-      bus::VirtualTime{ports, prepared.run.record_period, observer}.run(prepared.run.duration);
-  return recorder.finish(to_ending(end_programs(outcome, joined, programs)));
+  std::optional<record::RunRecorder> recorder;
+  bus::RunOutcome outcome = run_in_virtual_time(prepared, request, ports, recorder);
+  return recorder->finish(to_ending(end_programs(std::move(outcome), joined, programs)));
 }
 
 record::Recording run_at_wall_clock(const PreparedRun& prepared, const RunRequest& request) {
+  if (request.rt_priority) runtime::take_priority(*request.rt_priority);  // The relay is part of the way of a frame.
   std::optional<link::SocketCanLink> kernel_bus;
   if (!request.can.empty()) {
     const link::BusUri uri = link::parse_bus_uri(request.can);
@@ -239,46 +285,87 @@ record::Recording run_at_wall_clock(const PreparedRun& prepared, const RunReques
   bus::Broker broker{choose_bus_name(request)};
   write_repro_file(prepared);
   Programs programs{prepared, request, broker.bus_name(), std::nullopt};
-  std::vector<bus::Joined> joined = programs.wait_until_joined(broker);
+  if (!kernel_bus) print_invitation(prepared, broker);
+  std::vector<bus::Joined> joined = programs.wait_until_joined(broker, prepared.info.participants);
   Progress progress{prepared.run.label(), prepared.run.duration, request.quiet};
-  bus::WallClockRelay relay{joined, kernel_bus ? &*kernel_bus : nullptr, prepared.run.record_period};
-  record::RunRecorder recorder{make_info(prepared.run, request), relay.signals(), prepared.folder};
+  bus::WallClockRelay relay{joined, broker, kernel_bus ? &*kernel_bus : nullptr, prepared.run.record_period};
+  record::RunRecorder recorder{prepared.info, relay.signals(), prepared.folder};
   Observer observer{recorder, progress};
   const auto started = Clock::now();
-  const bus::RunOutcome outcome = relay.run(prepared.run.duration, request.pace.speed, observer);
+  const bus::RunOutcome outcome = relay.run(prepared.run.duration, prepared.pace.speed, observer);
   const double elapsed_s = std::chrono::duration<double>(Clock::now() - started).count();
   record::Ending ending = to_ending(end_programs(outcome, joined, programs));
   ending.real_time_factor = to_s(ending.at) / elapsed_s;
   return recorder.finish(std::move(ending));
 }
 
-/// An event that nobody reads would be a fault that never happens.
-void require_readers(const scenario::ResolvedRun& run) {
-  for (const config::TimelineEvent& event : run.events) {
-    if (event.target != "controller" && event.target != "plant") {
+/// An event that nobody obeys would be a fault that never happens.
+void require_readers(const PreparedRun& prepared) {
+  for (const config::TimelineEvent& event : prepared.run.events) {
+    if (event.target == kController) {
+      if (std::ranges::find(prepared.info.participants, kController) != prepared.info.participants.end()) continue;
+      event.section.fail("target", "takes no orders: it is external", "give the order by its own means");
+    }
+    if (event.target != kPlant) {
       event.section.fail("target", "has no actions", "events are for target = \"controller\" or \"plant\"");
     }
+    if (prepared.run.rig.has_real_board()) {
+      event.section.fail("target", "takes no orders: boards of this rig are real", "the model is not the machine");
+    }
   }
+}
+
+/// How time passes in this run: real parts have a clock of their own.
+/// @throws config::ConfigError if the user asked for virtual time.
+Pace choose_pace(const scenario::ResolvedRun& run, const RunRequest& request) {
+  Pace pace = request.pace;
+  if (!pace.is_virtual() || (!run.rig.has_real_board() && !run.rig.controller_is_external)) return pace;
+  if (!request.pace_given) {
+    pace.kind = Pace::Kind::kRealTime;
+    return pace;
+  }
+  constexpr const char* kHint = "use --pace realtime, or leave --pace away";
+  if (run.rig.has_real_board()) run.root.fail_here("real boards have no virtual time", kHint);
+  if (pace.kind == Pace::Kind::kInProcess) run.root.fail_here("an external controller is not in this process", kHint);
+  return pace;
 }
 
 }  // namespace
 
 PreparedRun prepare(scenario::ResolvedRun run, std::filesystem::path folder, const RunRequest& request) {
   if (request.seed) run.seed = *request.seed;
-  PreparedRun prepared{std::move(run), std::move(folder), {}, nullptr, nullptr};
+  const Pace pace = choose_pace(run, request);
+  if (request.rt_priority && pace.is_virtual()) {
+    throw std::invalid_argument{"--rt is for wall-clock pace: virtual time waits for everybody"};
+  }
+  PreparedRun prepared{std::move(run), std::move(folder), pace, {}, {}, nullptr, nullptr};
   const config::Section& root = prepared.run.root;
   const config::Rig& rig = prepared.run.rig;
-  prepared.controller = std::make_unique<machine::Controller>(machine::read_settings(root));
-  prepared.plant = std::make_unique<emulator::Emulator>(emulator::read_settings(root, rig), prepared.run.seed);
-  require_readers(prepared.run);
+  std::vector<SignalInfo> signals;
+  const auto offer = [&signals](const Participant& participant) {
+    signals.insert(signals.end(), participant.signals().begin(), participant.signals().end());
+  };
+  if (!rig.controller_is_external) {
+    prepared.controller = std::make_unique<machine::Controller>(machine::read_settings(root));
+    offer(*prepared.controller);
+  }
+  if (rig.has_emulated_board()) {
+    prepared.plant = std::make_unique<emulator::Emulator>(emulator::read_settings(root, rig), prepared.run.seed);
+    offer(*prepared.plant);
+  }
+  prepared.info = make_info(prepared, request);
+  prepared.info.unseen = name_unseen(prepared);
+  require_readers(prepared);
   prepared.checks = check::read_checks(prepared.run.root);
-  prepared.checks.require_signals(join_signals(prepared.controller->signals(), prepared.plant->signals()), false);
+  record::RunInfo known = prepared.info;
+  if (!prepared.controller) known.unseen.emplace_back(kController);  // Its signals are known when it has joined.
+  prepared.checks.require_signals(signals, known);
   prepared.run.root.finish();
   return prepared;
 }
 
 record::Recording execute(PreparedRun& prepared, const RunRequest& request) {
-  switch (request.pace.kind) {
+  switch (prepared.pace.kind) {
     case Pace::Kind::kInProcess:
       return run_in_process(prepared, request);
     case Pace::Kind::kLockstep:

@@ -15,9 +15,11 @@ namespace meltbench::cli {
 struct PreparedRun {
   scenario::ResolvedRun run;
   std::filesystem::path folder;
+  Pace pace;
+  record::RunInfo info;
   check::CheckSet checks;
-  std::unique_ptr<Participant> controller;
-  std::unique_ptr<Participant> plant;
+  std::unique_ptr<Participant> controller;  ///< Null: external.
+  std::unique_ptr<Participant> plant;       ///< Null: every board is real.
 };
 
 /// Reads everything that the run's programs will read, so that every mistake in a file is told before anything starts.

@@ -122,7 +122,7 @@ void read_run(const Json& run, Recording& recording, std::vector<std::string>& e
   run.at("seed").get_to(info.seed);
   info.duration = Nanos{run.at("duration_ns").get<std::int64_t>()};
   run.at("pace").get_to(info.pace);
-  run.at("real_plant").get_to(info.real_plant);
+  run.at("unseen").get_to(info.unseen);
   run.at("participants").get_to(info.participants);
   for (const auto& [name, id] : run.at("nodes").items()) info.nodes.push_back({id.get<std::uint8_t>(), name});
   std::sort(info.nodes.begin(), info.nodes.end(), [](auto& a, auto& b) { return a.node_id < b.node_id; });

@@ -40,6 +40,10 @@ bool is_unit(std::string_view word) {
 
 }  // namespace
 
+bool RunInfo::is_unseen(std::string_view name) const {
+  return std::find(unseen.begin(), unseen.end(), name.substr(0, name.find('.'))) != unseen.end();
+}
+
 std::string_view to_text(EndReason reason) {
   switch (reason) {
     case EndReason::kCompleted:

@@ -38,13 +38,16 @@ struct RunInfo {
   std::uint64_t seed = 0;
   Nanos duration{};                       ///< As asked for; Ending::at says how far it came.
   std::string pace = "lockstep";          ///< "lockstep", "in-process", "realtime" or "realtime:F".
-  bool real_plant = false;                ///< No emulator in this run: its signals are missing by nature.
+  std::vector<std::string> unseen;        ///< Parts that the bench only knows by their frames: "plant", "feeder" where
+                                          ///< boards are real, "controller" if it is external. First words of names.
   std::vector<std::string> participants;  ///< Position = participant number = sender of a frame.
   std::vector<NodeName> nodes;
   std::optional<std::uint32_t> bit_rate_bit_per_s;  ///< Of the bus, if it has one; makes bus load known.
   std::string version;                              ///< "meltbench 0.1.0".
   std::string repeat_command;                       ///< Shell command that repeats the run.
 
+  /// True for a signal or an event source of a part that the bench cannot look into: missing by nature, not by mistake.
+  [[nodiscard]] bool is_unseen(std::string_view name) const;
   /// True for the paces whose time has nothing to do with the wall clock, so that equal seeds give equal bytes.
   [[nodiscard]] bool in_virtual_time() const { return !pace.starts_with("realtime"); }
   /// "scenario" or "scenario.variant".

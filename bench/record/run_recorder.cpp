@@ -62,7 +62,7 @@ Json describe_run(const Recording& recording) {
            {"seed", info.seed},
            {"duration_ns", info.duration.count()},
            {"pace", info.pace},
-           {"real_plant", info.real_plant},
+           {"unseen", info.unseen},
            {"participants", info.participants},
            {"nodes", std::move(nodes)},
            {"bit_rate_bit_per_s", nullptr},

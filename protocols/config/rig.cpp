@@ -116,7 +116,8 @@ RigBoard read_board(const Section& board, const std::string& name) {
                                                      {"heater", BoardKind::kHeater},
                                                      {"preconditioner", BoardKind::kPreconditioner},
                                                      {"melt_camera", BoardKind::kMeltCamera}});
-  return RigBoard{.name = name, .kind = kind, .section = board};
+  const bool is_real = board.choice_or<bool>("part", false, {{"emulated", false}, {"real", true}});
+  return RigBoard{.name = name, .kind = kind, .is_real = is_real, .section = board};
 }
 
 }  // namespace
@@ -151,6 +152,14 @@ std::string read_name(const Section& section, std::string_view key) {
   return name;
 }
 
+bool Rig::has_real_board() const {
+  return std::any_of(boards.begin(), boards.end(), [](const RigBoard& board) { return board.is_real; });
+}
+
+bool Rig::has_emulated_board() const {
+  return std::any_of(boards.begin(), boards.end(), [](const RigBoard& board) { return !board.is_real; });
+}
+
 Rig read_rig(const Section& root) {
   root.ignore({"rig", "bus", "plant", "controller", "board", "scenario", "event", "check", "health", "repro"});
   Rig rig;
@@ -163,6 +172,7 @@ Rig read_rig(const Section& root) {
   const Section controller = root.peek("controller");
   const auto controller_id = static_cast<std::uint8_t>(controller.integer_or("node_id", 127, kNodeId));
   rig.controller_node_id = ids.take(controller, "controller", controller_id);
+  rig.controller_is_external = controller.boolean_or("external", false);
   std::vector<LineAddresses> units;
   const Section lines = root.section_or_empty("line");
   for (const std::string& name : lines.keys()) {

@@ -174,16 +174,29 @@ TEST_CASE("always and never: only the rows of \"during\" are judged, and none is
   CHECK_FALSE(Never{small, Condition{kX, 5.0, {}}, {}}.judge(recording).held);
 }
 
-TEST_CASE("Missing signal: skipped where the plant is real, else failed with the nearest name", "[check]") {
+TEST_CASE("Missing signal: skipped where the bench cannot look into the part, else failed with the nearest name",
+          "[check]") {
   Recording recording = make_recording(rise);
   const Outcome missing = Band{{"plant.y_m", ""}, 0.0, 1.0, {}}.judge(recording);
   CHECK_FALSE(missing.held);
   CHECK(missing.skipped.empty());
   CHECK(missing.text.find("plant.x_m") != std::string::npos);
-  recording.info.real_plant = true;
+  recording.info.unseen = {"plant"};
   const Outcome skipped = Band{{"plant.y_m", ""}, 0.0, 1.0, {}}.judge(recording);
   CHECK(skipped.held);
   CHECK_FALSE(skipped.skipped.empty());
+  CHECK_FALSE(Band{{"plants.y_m", ""}, 0.0, 1.0, {}}.judge(recording).held);
+}
+
+TEST_CASE("Missing events: a check on those of a part that the bench cannot look into is skipped", "[check]") {
+  Recording recording = make_recording(rise);
+  recording.info.unseen = {"controller"};
+  CHECK_FALSE(EventOccurs{"running", "controller", {}, {}}.judge(recording).skipped.empty());
+  CHECK(EventOccurs{"running", "plant", {}, {}}.judge(recording).skipped.empty());
+  const Moment boot{Moment::OnEvent{"ready", "controller"}};
+  const Outcome reaction = Reaction{boot, Moment{Moment::At{Instant{1s}}}, 1s, false}.judge(recording);
+  CHECK(reaction.held);
+  CHECK_FALSE(reaction.skipped.empty());
 }
 
 namespace {

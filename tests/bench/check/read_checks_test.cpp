@@ -160,17 +160,22 @@ TEST_CASE("Check tables: a complaint names the place and what is nearest", "[che
 
 TEST_CASE("Check set: a signal that does not exist is found before the run", "[check]") {
   const CheckSet set = read(kSettle);
-  CHECK_NOTHROW(set.require_signals({{"plant.x_m"}}, false));
-  CHECK_NOTHROW(set.require_signals({}, true));
+  record::RunInfo info;
+  CHECK_NOTHROW(set.require_signals({{"plant.x_m"}}, info));
   try {
-    set.require_signals({{"plant.x_mm"}, {"plant.U"}}, false);
+    set.require_signals({{"plant.x_mm"}, {"plant.U"}}, info);
     FAIL("must throw");
   } catch (const config::ConfigError& error) {
     CHECK_THAT(error.what(), Catch::StartsWith("s.toml:2:"));
     CHECK_THAT(error.hint(), Catch::Contains("plant.x_mm"));
   }
   // Difference, condition and moment name signals too.
-  CHECK_THROWS_AS(read(kAll).require_signals({{"plant.x_m"}}, false), config::ConfigError);
+  CHECK_THROWS_AS(read(kAll).require_signals({{"plant.x_m"}}, info), config::ConfigError);
+  // The bench cannot look into a real plant: its signals are missing by nature, those of others are not.
+  info.unseen = {"plant"};
+  CHECK_NOTHROW(set.require_signals({}, info));
+  info.unseen = {"feeder"};
+  CHECK_THROWS_AS(set.require_signals({}, info), config::ConfigError);
 }
 
 TEST_CASE("Check set: results come in order, with the health gate last", "[check]") {

@@ -1,0 +1,48 @@
+#include "protocols/runtime/real_time_process.hpp"
+
+#include <fmt/format.h>
+#include <malloc.h>
+#include <sched.h>
+#include <sys/mman.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+
+#include "protocols/link/can_link.hpp"
+
+namespace meltbench::runtime {
+namespace {
+
+constexpr std::size_t kStackBytes = 256 * 1024;  // Far more than the deepest loop of ours takes.
+
+/// Not inlined: the array must lie where the loop's frames will lie.
+[[gnu::noinline]] void touch_stack() {
+  std::array<char, kStackBytes> room;
+  volatile char* const first = room.data();
+  constexpr std::size_t kPage = 4096;
+  for (std::size_t at = 0; at < room.size(); at += kPage) first[at] = 0;
+}
+
+}  // namespace
+
+void take_priority(int priority) {
+  const sched_param parameter{.sched_priority = priority};
+  if (::sched_setscheduler(0, SCHED_FIFO, &parameter) == 0) return;
+  throw link::LinkError{fmt::format("cannot run at SCHED_FIFO priority {}: {}", priority, std::strerror(errno)),
+                        "\"meltbench doctor\" says how a user gets real-time priorities; without --rt it runs at the "
+                        "scheduling of the user"};
+}
+
+void lock_memory() {
+  if (::mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {
+    throw link::LinkError{fmt::format("cannot lock memory: {}", std::strerror(errno)),
+                          "\"meltbench doctor\" says how a user may lock memory; without --rt nothing is locked"};
+  }
+  // What the heap once had stays with it: giving memory back and getting it again costs page faults.
+  ::mallopt(M_TRIM_THRESHOLD, -1);
+  ::mallopt(M_MMAP_MAX, 0);
+  touch_stack();
+}
+
+}  // namespace meltbench::runtime
