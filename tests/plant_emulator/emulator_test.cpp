@@ -401,3 +401,15 @@ TEST_CASE("Emulator settings: presets and overrides reach the plant", "[emulator
   CHECK(feeder.start_flow_kg_per_h == Approx(bizone.holding_feed_kg_per_s(0.12) * 3600));
   CHECK(feeder.loss_of_master_kg_per_h == Approx(bizone.holding_feed_kg_per_s(0.16) * 3600));
 }
+
+TEST_CASE("Emulator: a real board is left to itself, and the model beside it tells no truth", "[emulator]") {
+  const Wire wire{make_rig("", "part = 'real'")};
+  REQUIRE(wire.settings.boards.size() == 2);
+  CHECK(wire.settings.boards[0].name == "screw");
+  for (const SignalInfo& signal : wire.emulator.signals()) {
+    CHECK_FALSE(signal.name.starts_with("plant."));
+    CHECK_FALSE(signal.name.starts_with("feeder."));
+  }
+  CHECK_FALSE(wire.last(0x700 + kFeeder).has_value());
+  CHECK(wire.last(0x706).has_value());
+}

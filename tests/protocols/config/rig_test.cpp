@@ -58,6 +58,20 @@ eds = "b.eds"
 
 }  // namespace
 
+TEST_CASE("Rig: a board is ours unless it says that it is real, and so is the controller", "[config]") {
+  const RigFolder folder;
+  const Rig ours = read_rig(folder.root(kRig));
+  CHECK_FALSE(ours.has_real_board());
+  CHECK_FALSE(ours.controller_is_external);
+  const Rig mixed = read_rig(folder.root(kRig + "part = \"real\"\n[controller]\nexternal = true\n"));
+  CHECK_FALSE(mixed.boards[0].is_real);
+  CHECK(mixed.boards[1].is_real);
+  CHECK(mixed.has_real_board());
+  CHECK(mixed.has_emulated_board());
+  CHECK(mixed.controller_is_external);
+  CHECK_THAT(folder.complaint(kRig + "part = \"virtual\"\n"), Contains("emulated"));
+}
+
 TEST_CASE("Rig: bus, boards and defaults are read, other people's keys are left alone", "[config]") {
   const RigFolder folder;
   const Section root = folder.root(kRig + "[plant]\nanything = 1\n[controller]\nlaw = \"x\"\n[[check]]\nk = 1\n");
