@@ -24,6 +24,8 @@ class RunObserver {
   virtual ~RunObserver() = default;
   /// A frame was on the bus. @param sender  number of the participant, kTapSender or kOutsideSender.
   virtual void on_frame(const can::StampedFrame& frame, std::size_t sender) = 0;
+  /// Bytes came over a serial line without a gap: which line, who sent them, when the last of them was there.
+  virtual void on_serial(std::string_view, std::size_t, Instant, std::span<const std::uint8_t>) {}
   /// The signals of all participants at a whole multiple of the record period, in the order of the participants.
   virtual void on_row(Instant at, std::span<const double> values) = 0;
   virtual void on_event(std::size_t participant, const Event& event) = 0;

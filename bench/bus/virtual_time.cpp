@@ -33,11 +33,20 @@ std::string lost_text(std::string_view name, PortStatus status, Instant at) {
   return "interrupted";
 }
 
+std::vector<std::span<const std::string>> lines_of(std::span<runtime::ParticipantPort* const> ports) {
+  std::vector<std::span<const std::string>> lines;
+  for (const runtime::ParticipantPort* port : ports) lines.push_back(port->lines());
+  return lines;
+}
+
 }  // namespace
 
 VirtualTime::VirtualTime(std::span<runtime::ParticipantPort* const> ports, Nanos record_period, RunObserver& observer,
-                         Outside* outside)
-    : record_period_{record_period}, observer_{observer}, outside_{outside} {
+                         const RunMedia& media)
+    : record_period_{record_period},
+      observer_{observer},
+      outside_{media.outside},
+      lines_{media.lines, lines_of(ports)} {
   for (runtime::ParticipantPort* port : ports) {
     Party party;
     party.port = port;
@@ -49,20 +58,22 @@ VirtualTime::VirtualTime(std::span<runtime::ParticipantPort* const> ports, Nanos
 }
 
 RunOutcome VirtualTime::run(Nanos duration) {
-  int wakeups_now = 0;
   while (true) {
     const std::size_t number = choose_next();
     const Instant due = std::max(now_, next_wake(parties_[number]));
-    if (due > Instant{duration}) break;
-    if (due > now_) {
+    const Instant next = std::min(due, lines_.next_delivery());
+    if (next > Instant{duration}) break;
+    if (next > now_) {
       if (runtime::stop_requested())
         return end(RunOutcome::Kind::kInterrupted, lost_text({}, PortStatus::kInterrupted, now_));
-      write_rows_before(due);
-      now_ = due;
-      wakeups_now = 0;
+      advance_to(next);
       if (admit_outside()) continue;  // Everybody has something to read: who is first is chosen anew.
     }
-    if (++wakeups_now > kMaxWakeupsAtOneInstant) {
+    if (lines_.next_delivery() <= now_) {
+      deliver_serial();  // First of all: who is woken at this instant finds it there.
+      continue;
+    }
+    if (++wakeups_now_ > kMaxWakeupsAtOneInstant) {
       return end(RunOutcome::Kind::kParticipantLost,
                  fmt::format("{} and others answer each other without end at {:.6f} s of the run",
                              parties_[number].port->name(), to_s(now_)));
@@ -81,15 +92,26 @@ RunOutcome VirtualTime::run(Nanos duration) {
   return end(RunOutcome::Kind::kCompleted, {});
 }
 
+void VirtualTime::advance_to(Instant at) {
+  write_rows_before(at);
+  now_ = at;
+  wakeups_now_ = 0;
+}
+
+void VirtualTime::plug_line(std::size_t participant, std::uint8_t own_line, bool in) {
+  lines_.plug(now_, participant, own_line, in);
+  parties_[participant].line_changed = true;
+}
+
 void VirtualTime::post_order(std::size_t participant, std::string order) {
   parties_[participant].orders.push_back(std::move(order));
 }
 
 Instant VirtualTime::next_wake(const Party& party) {
-  if (!party.orders.empty()) return Instant{};
+  if (!party.orders.empty() || party.line_changed) return Instant{};
   if (party.wake_on == WakeOn::kDeadlineOnly) return party.deadline;
-  const Instant due = std::min(party.deadline, party.next_record);
-  return party.inbox.empty() ? due : std::min(due, party.inbox.front().at);
+  if (!party.inbox.empty() || !party.serial.empty()) return Instant{};
+  return std::min(party.deadline, party.next_record);
 }
 
 std::size_t VirtualTime::choose_next() const {
@@ -109,8 +131,14 @@ PortStatus VirtualTime::wake(std::size_t number) {
   taken_orders_.clear();
   std::swap(taken_orders_, party.orders);
   const auto signals = std::span{values_}.subspan(party.first_signal, party.signal_count);
-  const Wakeup in{.now = now_, .frames = taken_, .orders = taken_orders_};
+  const Wakeup in{.now = now_,
+                  .frames = taken_,
+                  .serial = party.serial.arrivals(),
+                  .lines = lines_.states(number),
+                  .orders = taken_orders_};
   const PortStatus status = party.port->wake(in, out_, signals);
+  party.serial.clear();
+  party.line_changed = false;
   if (status != PortStatus::kOk) return status;
   // A deadline that has passed would hold the time: the participant is asked again at the next nanosecond.
   party.deadline = std::max(out_.deadline(), now_ + 1ns);
@@ -122,6 +150,7 @@ PortStatus VirtualTime::wake(std::size_t number) {
 void VirtualTime::carry(std::size_t sender) {
   for (const Event& event : out_.events()) observer_.on_event(sender, event);
   for (const can::CanFrame& frame : out_.frames()) put_on_bus(frame, sender);
+  for (const SerialPiece& piece : out_.serial()) lines_.write(now_, sender, piece.line, out_.serial_bytes(piece));
 }
 
 void VirtualTime::put_on_bus(const can::CanFrame& frame, std::size_t sender) {
@@ -130,6 +159,14 @@ void VirtualTime::put_on_bus(const can::CanFrame& frame, std::size_t sender) {
   if (outside_ != nullptr) outside_->show(stamped, sender);
   for (std::size_t number = 0; number < parties_.size(); ++number) {
     if (number != sender) parties_[number].inbox.push_back(stamped);
+  }
+}
+
+void VirtualTime::deliver_serial() {
+  const HeardPiece piece = lines_.take();
+  observer_.on_serial(piece.line, piece.sender, piece.at, piece.bytes);
+  for (const LineEnd& listener : piece.listeners) {
+    parties_[listener.participant].serial.add(piece.at, listener.own_line, piece.bytes);
   }
 }
 

@@ -6,9 +6,20 @@
 
 #include "bench/bus/outside.hpp"
 #include "bench/bus/run_observer.hpp"
+#include "bench/bus/serial_lines.hpp"
+#include "protocols/participant/serial_inbox.hpp"
 #include "protocols/runtime/participant_port.hpp"
 
 namespace meltbench::bus {
+
+/// What joins the participants of a run, and who else is there.
+struct RunMedia {
+  /// Every serial line that a participant speaks on; participants that name the same line share it.
+  std::span<const config::RigLine> lines{};
+  /// Outlives the run; null: nobody. What it sends enters at the next instant at which somebody is due, so that such a
+  /// run depends on the wall clock.
+  Outside* outside = nullptr;
+};
 
 /// Runs participants in virtual time on an ideal bus: frames cross at once, computing takes no time.
 ///
@@ -18,14 +29,15 @@ namespace meltbench::bus {
 ///
 /// Every participant is woken at least at each multiple of the record period, so that a row holds what is true then
 /// (unless it asked for kDeadlineOnly).
+///
+/// Bytes on a serial line take their time: see SerialLine.
 class VirtualTime {
  public:
   /// @param ports  participants in the order of their numbers; they and the observer outlive this object.
-  /// @param outside  outlives this object; null: nobody. What it sends enters at the next instant at which somebody is
-  /// due, so that such a run depends on the wall clock.
   /// @pre record_period > 0.
+  /// @throws std::invalid_argument naming a line that is not in media.lines.
   VirtualTime(std::span<runtime::ParticipantPort* const> ports, Nanos record_period, RunObserver& observer,
-              Outside* outside = nullptr);
+              const RunMedia& media = {});
 
   /// Runs from Instant{0} up to and including Instant{duration}. Returns early, with the reason, when a participant is
   /// lost, when the user interrupts, or when participants keep answering each other without time passing.
@@ -36,11 +48,19 @@ class VirtualTime {
   /// @param order  a TOML text that the participant understands.
   void post_order(std::size_t participant, std::string order);
 
+  /// Pulls a participant's plug out of one of its serial lines, or puts it in again, and wakes it for that at once. For
+  /// the observer to call during run().
+  void plug_line(std::size_t participant, std::uint8_t own_line, bool in);
+  /// A serial line of the run, to give it a fault; null if there is none of that name.
+  [[nodiscard]] SerialLine* find_line(std::string_view name) { return lines_.find(name); }
+
  private:
   struct Party {
     runtime::ParticipantPort* port = nullptr;
     std::vector<can::StampedFrame> inbox;
+    SerialInbox serial;
     std::vector<std::string> orders;
+    bool line_changed = false;
     Instant deadline{};
     WakeOn wake_on = WakeOn::kArrivalOrDeadline;
     Instant next_record{};
@@ -54,6 +74,8 @@ class VirtualTime {
   void carry(std::size_t sender);
   void put_on_bus(const can::CanFrame& frame, std::size_t sender);
   [[nodiscard]] bool admit_outside();
+  void deliver_serial();
+  void advance_to(Instant at);
   void write_rows_before(Instant now);
   [[nodiscard]] RunOutcome end(RunOutcome::Kind kind, std::string text) const;
 
@@ -63,11 +85,13 @@ class VirtualTime {
   Outside* outside_;
   std::vector<can::CanFrame> from_outside_;
   bool outside_has_sent_ = false;
+  SerialLines lines_;
   Instant now_{};
   Instant next_row_{};
   std::vector<double> values_;
   std::vector<can::StampedFrame> taken_;   ///< The inbox of who is being woken,
   std::vector<std::string> taken_orders_;  ///< and what is asked of it.
+  int wakeups_now_ = 0;                    ///< At this instant.
   Outbox out_;
 };
 

@@ -40,16 +40,21 @@ class Observer final : public bus::RunObserver {
   void on_frame(const can::StampedFrame& frame, std::size_t sender) override {
     recorder_.frame(frame, static_cast<std::uint8_t>(sender));
   }
+  void on_serial(std::string_view line, std::size_t sender, Instant at, std::span<const std::uint8_t> bytes) override {
+    recorder_.serial(line, name_of(sender), at, bytes);
+  }
   void on_row(Instant at, std::span<const double> values) override {
     recorder_.row(at, values);
     if (++rows_ % kRowsPerLook == 0) progress_.at(at);
   }
-  void on_event(std::size_t participant, const Event& event) override {
-    recorder_.event(participant < names_.size() ? std::string_view{names_[participant]} : "bench", event);
-  }
+  void on_event(std::size_t participant, const Event& event) override { recorder_.event(name_of(participant), event); }
   void on_join(std::string_view name) override { names_.emplace_back(name); }
 
  private:
+  [[nodiscard]] std::string_view name_of(std::size_t participant) const {
+    return participant < names_.size() ? std::string_view{names_[participant]} : "bench";
+  }
+
   static constexpr std::uint64_t kRowsPerLook = 64;
   record::RunRecorder& recorder_;
   std::vector<std::string> names_;
@@ -91,6 +96,7 @@ record::RunInfo make_info(const PreparedRun& prepared, const RunRequest& request
   info.participants = name_participants(prepared);
   info.nodes.push_back({run.rig.controller_node_id, "controller"});
   for (const config::RigBoard& board : run.rig.boards) info.nodes.push_back({board.node_id, board.name});
+  info.has_serial_lines = !run.rig.lines.empty();
   info.bit_rate_bit_per_s = run.rig.bus.bit_rate_bit_per_s;
   info.version = kProgramVersion;
   info.repeat_command = fmt::format("meltbench run {} --seed {}", run.file.string(), run.seed);
@@ -146,7 +152,8 @@ bus::RunOutcome run_in_virtual_time(const PreparedRun& prepared, const RunReques
   recorder.emplace(prepared.info, std::move(signals), prepared.folder);
   Progress progress{prepared.run.label(), prepared.run.duration, request.quiet};
   Observer observer{*recorder, progress};
-  return bus::VirtualTime{to_pointers(ports), prepared.run.record_period, observer}.run(prepared.run.duration);
+  const bus::RunMedia media{.lines = prepared.run.rig.lines};
+  return bus::VirtualTime{to_pointers(ports), prepared.run.record_period, observer, media}.run(prepared.run.duration);
 }
 
 record::Recording run_in_process(PreparedRun& prepared, const RunRequest& request) {

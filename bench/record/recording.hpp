@@ -42,6 +42,7 @@ struct RunInfo {
                                           ///< boards are real, "controller" if it is external. First words of names.
   std::vector<std::string> participants;  ///< Position = participant number = sender of a frame.
   std::vector<NodeName> nodes;
+  bool has_serial_lines = false;                    ///< The rig has some: what goes over them is recorded.
   std::optional<std::uint32_t> bit_rate_bit_per_s;  ///< Of the bus, if it has one; makes bus load known.
   std::string version;                              ///< "meltbench 0.1.0".
   std::string repeat_command;                       ///< Shell command that repeats the run.

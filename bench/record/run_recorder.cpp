@@ -101,8 +101,10 @@ std::string_view to_text(Severity severity) {
 
 /// The three open files, and the text of the last row: signals that stand still are not formatted again.
 struct RunRecorder::Files {
-  explicit Files(const std::filesystem::path& folder)
-      : bus{folder / "bus.log"}, signals{folder / "signals.csv"}, events{folder / "events.jsonl"} {}
+  Files(const std::filesystem::path& folder, bool has_serial_lines)
+      : bus{folder / "bus.log"}, signals{folder / "signals.csv"}, events{folder / "events.jsonl"} {
+    if (has_serial_lines) serial.emplace(folder / "serial.log");
+  }
 
   struct Cell {
     double value = 0;
@@ -122,6 +124,7 @@ struct RunRecorder::Files {
   BlockFile bus;
   BlockFile signals;
   BlockFile events;
+  std::optional<BlockFile> serial;
   std::vector<Cell> cells;
 };
 
@@ -133,8 +136,9 @@ RunRecorder::RunRecorder(RunInfo info, std::vector<SignalInfo> signals, const st
 
   std::filesystem::create_directories(folder);
   // A verdict on an older run must not stand beside the recording of a new one.
-  for (const char* stale : {"result.json", "junit.xml", "report.html"}) std::filesystem::remove(folder / stale);
-  files_ = std::make_unique<Files>(folder);
+  for (const char* stale : {"result.json", "junit.xml", "report.html", "serial.log"})
+    std::filesystem::remove(folder / stale);
+  files_ = std::make_unique<Files>(folder, recording_.info.has_serial_lines);
   files_->cells.resize(recording_.signals.size());
 
   std::string& header = files_->signals.text();
@@ -152,6 +156,18 @@ void RunRecorder::frame(const can::StampedFrame& stamped, std::uint8_t sender) {
   if (!files_) return;
   can::append_log_line(files_->bus.text(), stamped.at, sender == kTapSender ? kTapDevice : kBenchDevice, stamped.frame);
   files_->bus.end_line();
+}
+
+void RunRecorder::serial(std::string_view line, std::string_view sender, Instant at,
+                         std::span<const std::uint8_t> bytes) {
+  if (!files_ || !files_->serial) return;
+  std::string& text = files_->serial->text();
+  const auto us = at.since_start / 1us;
+  fmt::format_to(std::back_inserter(text), FMT_COMPILE("({:010}.{:06}) {} {} "), us / 1'000'000, us % 1'000'000, line,
+                 sender);
+  for (const std::uint8_t byte : bytes) fmt::format_to(std::back_inserter(text), FMT_COMPILE("{:02X}"), byte);
+  text += '\n';
+  files_->serial->end_line();
 }
 
 void RunRecorder::row(Instant at, std::span<const double> values) {
@@ -186,6 +202,7 @@ void RunRecorder::flush() {
   files_->bus.flush();
   files_->signals.flush();
   files_->events.flush();
+  if (files_->serial) files_->serial->flush();
 }
 
 const Recording& RunRecorder::recording() const {
@@ -197,8 +214,9 @@ Recording RunRecorder::finish(Ending ending) {
   if (files_) {
     files_->bus.flush();
     files_->signals.flush();
-    for (const BlockFile* file : {&files_->bus, &files_->signals}) {
-      if (file->error().empty()) continue;
+    if (files_->serial) files_->serial->flush();
+    for (const BlockFile* file : {&files_->bus, &files_->signals, files_->serial ? &*files_->serial : nullptr}) {
+      if (file == nullptr || file->error().empty()) continue;
       event("bench", Event{recording_.ending.at, Severity::kFault, "recording-failed", file->error()});
     }
     append_line(files_->events, describe_end(recording_.ending));

@@ -18,6 +18,8 @@ namespace meltbench::record {
 ///                 python-can and Wireshark from reading it; what was run is in events.jsonl. What a program
 ///                 outside the run has sent has the device "tap" instead of "bench"
 ///   signals.csv   "t_s,<names>"; time with nine decimals (whole nanoseconds), values as shortest exact decimals
+///   serial.log    only if the rig has serial lines: "(0000000012.340000) line sender 0103000000C5DA", one gap-free
+///                 piece of bytes a line, stamped when its last byte was there
 ///   events.jsonl  one object a line: {"type":"run",...} first, {"type":"event",...}, and {"type":"end",...} last
 /// Each write(2) ends at the end of a line and takes up to 64 KiB: what a killed bench loses is the block in memory,
 /// never half a line. Events are written at once.
@@ -38,6 +40,10 @@ class RunRecorder {
 
   /// @param sender  number of the participant that sent it; kTapSender or kUnknownSender for a stranger.
   void frame(const can::StampedFrame& stamped, std::uint8_t sender);
+
+  /// Bytes that came over a serial line without a gap. They are in the file only, not in the recording.
+  /// @param line  name of the line.  @param sender  name of the participant.  @param at  when the last one was there.
+  void serial(std::string_view line, std::string_view sender, Instant at, std::span<const std::uint8_t> bytes);
 
   /// @pre values.size() == number of signals; at not before the previous row.
   void row(Instant at, std::span<const double> values);

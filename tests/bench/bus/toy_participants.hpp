@@ -1,6 +1,8 @@
 #pragma once
 
+#include <array>
 #include <string>
+#include <vector>
 
 #include "protocols/participant/participant.hpp"
 
@@ -54,6 +56,65 @@ class Echo final : public Participant {
       out.send(answer);
     }
   }
+};
+
+/// Sends its count over a serial line at every whole multiple of its period, three times each time, and counts the
+/// pieces that come back and the changes of the line's state.
+class SerialMetronome final : public Participant {
+ public:
+  SerialMetronome(std::string line, Nanos period) : lines_{std::move(line)}, period_{period} {}
+
+  [[nodiscard]] std::string_view name() const override { return "metronome"; }
+  [[nodiscard]] std::span<const std::string> lines() const override { return lines_; }
+  [[nodiscard]] std::span<const SignalInfo> signals() const override { return signals_; }
+  void read_signals(std::span<double> values) const override {
+    values[0] = sent_;
+    values[1] = received_;
+    values[2] = downs_;
+  }
+  void wake(const Wakeup& in, Outbox& out) override {
+    received_ += static_cast<double>(in.serial.size());
+    const bool down = !in.lines.empty() && in.lines[0] == LinkState::kDown;
+    if (down && !was_down_) downs_ += 1;
+    was_down_ = down;
+    for (; next_ <= in.now; next_ += period_) {
+      sent_ += 1;
+      const auto count = static_cast<std::uint8_t>(sent_);
+      out.write(0, std::array{count, count, count});
+    }
+    out.wake_at(next_);
+  }
+
+ private:
+  std::array<std::string, 1> lines_;
+  Nanos period_;
+  std::array<SignalInfo, 3> signals_{SignalInfo{"metronome.sent"}, SignalInfo{"metronome.received"},
+                                     SignalInfo{"metronome.downs"}};
+  Instant next_{};
+  double sent_ = 0;
+  double received_ = 0;
+  double downs_ = 0;
+  bool was_down_ = false;
+};
+
+/// Answers each piece on its serial lines with the same bytes, backwards.
+class SerialEcho final : public Participant {
+ public:
+  explicit SerialEcho(std::vector<std::string> lines) : lines_{std::move(lines)} {}
+
+  [[nodiscard]] std::string_view name() const override { return "echo"; }
+  [[nodiscard]] std::span<const std::string> lines() const override { return lines_; }
+  [[nodiscard]] std::span<const SignalInfo> signals() const override { return {}; }
+  void read_signals(std::span<double>) const override {}
+  void wake(const Wakeup& in, Outbox& out) override {
+    for (const SerialArrival& arrival : in.serial) {
+      const std::vector<std::uint8_t> backwards{arrival.bytes.rbegin(), arrival.bytes.rend()};
+      out.write(arrival.line, backwards);
+    }
+  }
+
+ private:
+  std::vector<std::string> lines_;
 };
 
 }  // namespace meltbench::test

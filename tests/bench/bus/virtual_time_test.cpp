@@ -4,6 +4,7 @@
 
 #include <array>
 #include <catch2/catch.hpp>
+#include <functional>
 #include <sstream>
 #include <thread>
 
@@ -18,8 +19,14 @@ using runtime::InProcessPort;
 using runtime::ParticipantPort;
 using test::Echo;
 using test::Metronome;
+using test::SerialEcho;
+using test::SerialMetronome;
 
 namespace {
+
+/// At 10 kbit/s, 8N1, a character takes 1 ms.
+const std::vector<config::RigLine> kTwoLines{{"hopper", {10'000, serial::Parity::kNone, 1}},
+                                             {"other", {10'000, serial::Parity::kNone, 1}}};
 
 /// Writes down everything as text, so that two runs can be compared.
 class TextObserver final : public RunObserver {
@@ -38,6 +45,13 @@ class TextObserver final : public RunObserver {
   void on_event(std::size_t participant, const Event& event) override {
     text << "event " << participant << ' ' << event.code << '\n';
   }
+  void on_serial(std::string_view line, std::size_t sender, Instant at, std::span<const std::uint8_t> bytes) override {
+    text << at.since_start.count() << ' ' << sender << ' ' << line;
+    for (const std::uint8_t byte : bytes) text << ' ' << static_cast<int>(byte);
+    text << '\n';
+    if (on_piece) on_piece();
+  }
+  std::function<void()> on_piece;
   std::ostringstream text;
   int frames = 0;
   std::vector<Instant> rows;
@@ -52,6 +66,7 @@ class RemoteParticipant {
     REQUIRE(::socketpair(AF_UNIX, SOCK_SEQPACKET, 0, ends.data()) == 0);
     runtime::Hello hello{std::string{participant_->name()}, true, {}, {}, {}};
     hello.signals.assign(participant_->signals().begin(), participant_->signals().end());
+    hello.lines.assign(participant_->lines().begin(), participant_->lines().end());
     joined_ = std::make_unique<Joined>(Joined{hello, link::BenchSocket{link::UniqueFd{ends[0]}}});
     thread_ = std::thread{[this, fd = ends[1]] {
       link::BenchSocket socket{link::UniqueFd{fd}};
@@ -254,7 +269,8 @@ TEST_CASE("Virtual time: a frame from outside enters when somebody is due next, 
   const std::array<ParticipantPort*, 2> ports{&a, &b};
   TextObserver observer;
   ToyOutside outside{2};  // The instants after the start are 10, 20 and 30 ms: it sends at the third.
-  REQUIRE(VirtualTime{ports, 10ms, observer, &outside}.run(45ms).kind == RunOutcome::Kind::kCompleted);
+  REQUIRE(VirtualTime{ports, 10ms, observer, RunMedia{.outside = &outside}}.run(45ms).kind ==
+          RunOutcome::Kind::kCompleted);
   const auto& seen = outside.seen;
   const auto own = std::ranges::find(seen, kTapSender, [](const auto& each) { return each.second; });
   REQUIRE(own != seen.end());
@@ -267,4 +283,68 @@ TEST_CASE("Virtual time: a frame from outside enters when somebody is due next, 
   CHECK(text.find("30000000 254 123#EE") != std::string::npos);
   CHECK(text.find("event 254 frames-from-outside") != std::string::npos);
   CHECK(text.find("frames-from-outside") == text.rfind("frames-from-outside"));
+}
+
+TEST_CASE("Virtual time: bytes cross a serial line in the time of its baud rate, and their answer too", "[bus]") {
+  SerialMetronome metronome{"hopper", 20ms};
+  SerialEcho echo{{"other", "hopper"}};
+  InProcessPort a{metronome};
+  InProcessPort b{echo};
+  const std::array<ParticipantPort*, 2> ports{&a, &b};
+  TextObserver observer;
+  static_cast<void>(VirtualTime{ports, 20ms, observer, RunMedia{.lines = kTwoLines}}.run(30ms));
+  CHECK(observer.text.str() ==
+        "row 0 1 0 0\n3000000 0 hopper 1 1 1\n6000000 1 hopper 1 1 1\n"
+        "row 20000000 2 1 0\n23000000 0 hopper 2 2 2\n26000000 1 hopper 2 2 2\n");
+}
+
+TEST_CASE("Virtual time: a line that the rig does not have is refused", "[bus]") {
+  SerialEcho echo{{"elsewhere"}};
+  InProcessPort port{echo};
+  const std::array<ParticipantPort*, 1> ports{&port};
+  TextObserver observer;
+  CHECK_THROWS_WITH(VirtualTime(ports, 20ms, observer, RunMedia{.lines = kTwoLines}),
+                    Catch::Contains("no line \"elsewhere\""));
+}
+
+TEST_CASE("Virtual time: whoever is unplugged from a line is told at once, and hears nothing", "[bus]") {
+  SerialMetronome metronome{"hopper", 20ms};
+  SerialEcho echo{{"hopper"}};
+  InProcessPort a{metronome};
+  InProcessPort b{echo};
+  const std::array<ParticipantPort*, 2> ports{&a, &b};
+  TextObserver observer;
+  VirtualTime time{ports, 20ms, observer, RunMedia{.lines = kTwoLines}};
+  int pieces = 0;
+  observer.on_piece = [&] {
+    if (++pieces == 3) time.plug_line(0, 0, false);  // The second count is on its way to the echo.
+    if (pieces == 4) time.plug_line(0, 0, true);     // Its answer has come: too early for the metronome to hear it.
+  };
+  static_cast<void>(time.run(90ms));
+  CHECK(observer.last_row == std::vector<double>{5, 3, 1});  // At 80 ms: answers 1, 3 and 4.
+  CHECK(time.find_line("hopper") != nullptr);
+  CHECK(time.find_line("elsewhere") == nullptr);
+}
+
+TEST_CASE("Virtual time: processes and objects give the same run on serial lines, too", "[bus]") {
+  TextObserver in_process;
+  {
+    SerialMetronome metronome{"hopper", 3500us};  // Faster than the line: questions and answers collide.
+    SerialEcho echo{{"other", "hopper"}};
+    InProcessPort a{metronome};
+    InProcessPort b{echo};
+    const std::array<ParticipantPort*, 2> ports{&a, &b};
+    static_cast<void>(VirtualTime{ports, 10ms, in_process, RunMedia{.lines = kTwoLines}}.run(500ms));
+  }
+  TextObserver lockstep;
+  {
+    RemoteParticipant metronome{std::make_unique<SerialMetronome>("hopper", 3500us)};
+    RemoteParticipant echo{std::make_unique<SerialEcho>(std::vector<std::string>{"other", "hopper"})};
+    SocketPort a{metronome.joined()};
+    SocketPort b{echo.joined()};
+    const std::array<ParticipantPort*, 2> ports{&a, &b};
+    static_cast<void>(VirtualTime{ports, 10ms, lockstep, RunMedia{.lines = kTwoLines}}.run(500ms));
+  }
+  CHECK(in_process.text.str().size() > 5000);
+  CHECK(in_process.text.str() == lockstep.text.str());
 }

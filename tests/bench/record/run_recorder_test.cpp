@@ -282,4 +282,19 @@ TEST_CASE("Signal units: read from the end of the name", "[record]") {
   CHECK(unit_of_signal("s") == "");
 }
 
+TEST_CASE("Recorder: bytes on serial lines have a file of their own, if the rig has lines", "[record]") {
+  const ScratchFolder folder;
+  RunInfo info = make_info();
+  info.has_serial_lines = true;
+  RunRecorder recorder{info, make_signals(), folder.path()};
+  recorder.serial("hopper", "controller", Instant{1s + 2345us + 999ns}, std::array<std::uint8_t, 3>{0x01, 0xAB, 0xFF});
+  recorder.serial("hopper", "plant", Instant{2s}, std::array<std::uint8_t, 1>{0});
+  static_cast<void>(recorder.finish({}));
+  CHECK(read_file(folder.path() / "serial.log") ==
+        "(0000000001.002345) hopper controller 01ABFF\n(0000000002.000000) hopper plant 00\n");
+
+  RunRecorder next{make_info(), make_signals(), folder.path()};
+  CHECK_FALSE(fs::exists(folder.path() / "serial.log"));  // That of the older run.
+}
+
 }  // namespace meltbench::record
