@@ -27,8 +27,8 @@ struct MeltNumerics {
   std::size_t solid_cells = 100;
   std::size_t liquid_cells = 40;
   double grid_speed_m_per_s = 10e-3;  ///< The end cells resolve α/b at this b: the fastest that the run will use.
-  double max_travel_m = 1e-4;         ///< Internal steps: b dt at most this ...
-  double max_step_s = 0.05;           ///< ... and dt at most this.
+  double max_travel_m = 1e-4;         ///< An Euler step: b dt at most this ...
+  double max_step_s = 0.05;           ///< ... and dt at most this; a two-stage step reaches five times as far.
 };
 
 /// What moves the melt during one advance().
@@ -63,7 +63,8 @@ struct MeltValidity {
 ///
 /// Both domains are mapped to fixed graded grids that stretch with s. A step is implicit Euler, solved for the front
 /// speed by a secant iteration, so the fields, the front and the mesh velocity of one step agree (geometric
-/// conservation). Temperatures [°C], x from the inlet [m].
+/// conservation). An advance longer than one such step is made of two-stage steps (M17), five times as long and of
+/// second order (third-order granules only). Temperatures [°C], x from the inlet [m].
 /// Cost: bounded (at most kMaxSolves linear solves a step, usually one or two), no allocation after construction, no
 /// throw.
 class MeltFront {
@@ -121,7 +122,11 @@ class MeltFront {
   [[nodiscard]] double energy_residual_m() const noexcept { return energy_stored_m() - energy_supplied_m_; }
 
  private:
-  bool step(double dt_s, const MeltInput& input) noexcept;
+  double step(double dt_s, const MeltInput& input) noexcept;
+  double euler_steps(double dt_s, const MeltInput& input) noexcept;
+  double two_stage_step(double dt_s, const MeltInput& input) noexcept;
+  bool find_front(double dt_s, double since_last_s, const MeltInput& input, const MeltPhaseStep* melt) noexcept;
+  void account(double dt_s, const MeltInput& input) noexcept;
   void restart(double front_m);
   [[nodiscard]] MeltStatus judge() const noexcept;
   [[nodiscard]] double energy_content_m() const noexcept;

@@ -31,6 +31,10 @@ void MeltSolid::accept() noexcept {
   std::swap(T_, trial_);
 }
 
+void MeltSolid::carry_on(double share) noexcept {
+  for (std::size_t i = 0; i < T_.size(); ++i) T_[i] += share * (T_[i] - trial_[i]);
+}
+
 void MeltSolid::set_T_degC(std::span<const double> T_degC) {
   if (T_degC.size() != T_.size()) {
     throw std::invalid_argument(fmt::format("melt solid: {} temperatures for {} nodes", T_degC.size(), T_.size()));

@@ -31,6 +31,10 @@ class MeltSolid {
   double try_step(const MeltPhaseStep& step, const MeltInlet& inlet) noexcept;
   /// Takes the last trial as the state.
   void accept() noexcept;
+  /// Undoes accept(); at once after it only.
+  void take_back() noexcept { accept(); }
+  /// Moves the state on by `share` of the change that accept() just made.
+  void carry_on(double share) noexcept;
   /// Sets the state; size must be nodes().size().
   void set_T_degC(std::span<const double> T_degC);
 

