@@ -10,9 +10,11 @@
 
 #include "bench/cli/doctor_command.hpp"
 #include "bench/cli/list_command.hpp"
+#include "bench/cli/log_commands.hpp"
 #include "bench/cli/report_command.hpp"
 #include "bench/cli/run_command.hpp"
 #include "bench/cli/version.hpp"
+#include "bench/log/log_error.hpp"
 #include "bench/record/load_recording.hpp"
 #include "bench/report/report.hpp"
 #include "protocols/config/value.hpp"
@@ -43,6 +45,8 @@ struct Words {
   std::vector<std::filesystem::path> folders;
   std::filesystem::path page;
   std::filesystem::path scenario;
+  std::filesystem::path from;
+  std::filesystem::path to;
 };
 
 CLI::App* add_run_command(CLI::App& app, Words& words) {
@@ -65,13 +69,6 @@ CLI::App* add_run_command(CLI::App& app, Words& words) {
   run->add_option("--rt", words.rt_priority,
                   "Wall-clock pace: programs and bench run at this SCHED_FIFO priority, 1..99")
       ->check(CLI::Range(1, 99));
-  run->add_option(
-      "--tap", words.run.tap.socketcand,
-      "PORT | unix:PATH: lets python-can, SavvyCAN ... on the embedded bus (socketcand, its port is 29536)");
-  run->add_option("--slcan-pty", words.run.tap.slcan_pty,
-                  "PATH: lets a program on the embedded bus that speaks to an slcan adapter there");
-  run->add_flag("--tap-read-only", words.run.tap.read_only, "They may look, not send");
-  run->add_option("--tap-wait", words.run.tap_wait, "The run begins when so many of them look at the bus");
   run->add_flag("--quiet", words.run.quiet, "Print failures, the sum and the report's place only");
   run->footer(
       "Exit status: 0 all checks held, 1 a check failed, 2 bad usage or file, 3 a process or link was lost\n"
@@ -94,10 +91,6 @@ void settle(Words& words, const CLI::App& run) {
   if (on_kernel) {
     if (words.run.pace_given && words.run.pace.is_virtual()) {
       throw std::invalid_argument{"a kernel bus has no virtual time: use --pace realtime"};
-    }
-    if (words.run.tap.is_wanted()) {
-      throw std::invalid_argument{
-          "a kernel bus is open to every program: --tap and --slcan-pty are for an embedded one"};
     }
     words.run.pace.kind = cli::Pace::Kind::kRealTime;
   }
@@ -129,6 +122,7 @@ ExitStatus dispatch(CLI::App& app, Words& words) {
   }
   if (app.got_subcommand("report")) return cli::make_report(words.folders, words.page);
   if (app.got_subcommand("check")) return cli::check_again(words.folders, words.scenario);
+  if (app.got_subcommand("convert")) return cli::convert_log(words.from, words.to);
   return cli::examine_machine();
 }
 
@@ -149,6 +143,11 @@ int main(int argc, char** argv) {
   CLI::App* check = app.add_subcommand("check", "Judge recorded runs again");
   check->add_option("folder", words.folders, "Run folders")->required();
   check->add_option("--scenario", words.scenario, "Whose checks (default: each folder's repro.toml)");
+  CLI::App* convert = app.add_subcommand("convert", "Write a log of a CAN bus in another format");
+  convert->add_option("log", words.from, "candump text, Vector ASC or BLF, plain or gzip; - for standard input")
+      ->required();
+  convert->add_option("to", words.to, "NAME.log (candump text), NAME.asc, NAME.blf; .gz packs the text forms")
+      ->required();
   app.add_subcommand("doctor", "Say what this machine offers, and how to get what is missing");
   try {
     app.parse(argc, argv);
@@ -162,6 +161,8 @@ int main(int argc, char** argv) {
   } catch (const link::LinkError& error) {
     return tell(error.what(), error.hint(), ExitStatus::kUsage);
   } catch (const record::LoadError& error) {
+    return tell(error.what(), error.hint(), ExitStatus::kUsage);
+  } catch (const log::LogError& error) {
     return tell(error.what(), error.hint(), ExitStatus::kUsage);
   } catch (const report::ReportError& error) {
     return tell(error.what(), error.hint(), ExitStatus::kUsage);

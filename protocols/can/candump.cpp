@@ -197,11 +197,15 @@ ParsedLogLine parse_log_line(std::string_view line) {
     return bad("expected ' device frame' after the time stamp", close + 2);
   }
   std::string_view text = line.substr(device_end + 1);
-  if (text.ends_with(" T") || text.ends_with(" R")) text.remove_suffix(2);  // candump -x: direction.
+  char direction = ' ';
+  if (text.ends_with(" T") || text.ends_with(" R")) {
+    direction = text.back();
+    text.remove_suffix(2);
+  }
   const auto frame = parse_candump(text);
   if (!frame) return bad("not a frame, e.g. 123#DEADBEEF", device_end + 2);
   result.kind = LogLineKind::kFrame;
-  result.line = LogLine{*at, line.substr(device_start, device_end - device_start), *frame};
+  result.line = LogLine{*at, line.substr(device_start, device_end - device_start), *frame, direction};
   return result;
 }
 

@@ -30,6 +30,7 @@ struct LogLine {
   Instant at;               ///< As written: since the epoch of the log, whatever that was.
   std::string_view device;  ///< Points into the line that was parsed.
   CanFrame frame;
+  char direction = ' ';  ///< 'T' or 'R', as candump -x writes it behind the frame.
 };
 
 /// Appends "(0000000000.010000) device 123#00\n": 10 digits of seconds, 6 of microseconds (cut, not rounded).

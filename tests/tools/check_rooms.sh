@@ -48,7 +48,7 @@ room bench/check     $p bench/record
 room bench/scenario  $p
 room bench/report    $p bench/record bench/check
 room bench/bus       $p
-room bench/tap       $p bench/bus
+room bench/log       $p/time $p/can
 room plant_emulator  $p
 room controller      $p
 pure $p/time $p/can $p/serial $p/participant $p/canopen $p/modbus plant_emulator/model plant_emulator/board \

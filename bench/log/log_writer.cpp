@@ -1,0 +1,122 @@
+#include "bench/log/log_writer.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+#include <zlib.h>
+
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "bench/log/asc_writer.hpp"
+#include "bench/log/blf_writer.hpp"
+#include "bench/log/candump_writer.hpp"
+#include "bench/log/log_error.hpp"
+
+namespace meltbench::log {
+namespace {
+
+[[noreturn]] void fail(const std::string& name) {
+  throw LogError{fmt::format("{}: cannot be written: {}", name, std::strerror(errno)), "is there room, and a right?"};
+}
+
+int open_to_write(const std::filesystem::path& path) {
+  const int fd =
+      path == "-" ? ::dup(STDOUT_FILENO) : ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (fd < 0) fail(path.string());
+  return fd;
+}
+
+class PlainFile final : public ByteSink {
+ public:
+  explicit PlainFile(const std::filesystem::path& path)
+      : name_{path.string()}, fd_{open_to_write(path)}, seekable_{::lseek(fd_, 0, SEEK_CUR) >= 0} {}
+  ~PlainFile() override {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  PlainFile(const PlainFile&) = delete;
+  PlainFile& operator=(const PlainFile&) = delete;
+
+  void write(std::string_view bytes) override {
+    while (!bytes.empty()) {
+      const ssize_t count = ::write(fd_, bytes.data(), bytes.size());
+      if (count < 0 && errno == EINTR) continue;
+      if (count < 0) fail(name_);
+      bytes.remove_prefix(static_cast<std::size_t>(count));
+    }
+  }
+  void rewrite_head(std::string_view bytes) override {
+    if (::pwrite(fd_, bytes.data(), bytes.size(), 0) != static_cast<ssize_t>(bytes.size())) fail(name_);
+  }
+  [[nodiscard]] bool can_rewrite() const override { return seekable_; }
+  void close() override {
+    if (::close(std::exchange(fd_, -1)) != 0) fail(name_);
+  }
+
+ private:
+  std::string name_;
+  int fd_;
+  bool seekable_;
+};
+
+class PackedFile final : public ByteSink {
+ public:
+  explicit PackedFile(const std::filesystem::path& path)
+      : name_{path.string()}, file_{::gzdopen(open_to_write(path), "wb")} {}
+  ~PackedFile() override {
+    if (file_ != nullptr) static_cast<void>(::gzclose_w(file_));
+  }
+  PackedFile(const PackedFile&) = delete;
+  PackedFile& operator=(const PackedFile&) = delete;
+
+  void write(std::string_view bytes) override {
+    if (bytes.empty()) return;
+    if (::gzwrite(file_, bytes.data(), static_cast<unsigned>(bytes.size())) == 0) fail(name_);
+  }
+  void rewrite_head(std::string_view) override {}
+  [[nodiscard]] bool can_rewrite() const override { return false; }
+  void close() override {
+    if (::gzclose_w(std::exchange(file_, nullptr)) != Z_OK) fail(name_);
+  }
+
+ private:
+  std::string name_;
+  gzFile file_;
+};
+
+std::filesystem::path without_gz(std::filesystem::path path) {
+  return path.extension() == ".gz" ? path.replace_extension() : path;
+}
+
+}  // namespace
+
+std::unique_ptr<ByteSink> create_file(const std::filesystem::path& path) {
+  if (path.extension() == ".gz") return std::make_unique<PackedFile>(path);
+  return std::make_unique<PlainFile>(path);
+}
+
+LogFormat format_by_name(const std::filesystem::path& path) {
+  const std::string extension = without_gz(path).extension().string();
+  if (extension == ".asc") return LogFormat::kAsc;
+  if (extension == ".blf") return LogFormat::kBlf;
+  return LogFormat::kCandump;
+}
+
+std::unique_ptr<LogWriter> create_log(std::unique_ptr<ByteSink> sink, LogFormat format) {
+  switch (format) {
+    case LogFormat::kAsc:
+      return std::make_unique<AscWriter>(std::move(sink));
+    case LogFormat::kBlf:
+      if (!sink->can_rewrite()) {
+        throw LogError{"a BLF file gets its head last, so it must be a plain file",
+                       "write it to a file of its own; it is packed inside already"};
+      }
+      return std::make_unique<BlfWriter>(std::move(sink));
+    case LogFormat::kCandump:
+      break;
+  }
+  return std::make_unique<CandumpWriter>(std::move(sink));
+}
+
+}  // namespace meltbench::log
