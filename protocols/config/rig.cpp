@@ -161,7 +161,7 @@ bool Rig::has_emulated_board() const {
 }
 
 Rig read_rig(const Section& root) {
-  root.ignore({"rig", "bus", "plant", "controller", "board", "scenario", "event", "check", "health", "repro"});
+  root.ignore({"rig", "bus", "plant", "controller", "board", "scenario", "event", "fault", "check", "health", "repro"});
   Rig rig;
   const Section about = root.section("rig");
   rig.name = read_name(about, "name");

@@ -34,6 +34,7 @@ room $p/canopen      $p/time $p/can
 room $p/modbus       $p/time
 room $p/serial       $p/time
 room $p/config       $p/time $p/serial
+room $p/fault        $p/time $p/can $p/serial $p/config
 room $p/link         $p/time $p/can $p/serial
 room $p/runtime      $p/time $p/can $p/participant $p/link
 room plant_emulator/model    $p/time
