@@ -46,6 +46,7 @@ VirtualTime::VirtualTime(std::span<runtime::ParticipantPort* const> ports, Nanos
     : record_period_{record_period},
       observer_{observer},
       outside_{media.outside},
+      intervention_{media.intervention},
       lines_{media.lines, lines_of(ports)} {
   for (runtime::ParticipantPort* port : ports) {
     Party party;
@@ -61,13 +62,17 @@ RunOutcome VirtualTime::run(Nanos duration) {
   while (true) {
     const std::size_t number = choose_next();
     const Instant due = std::max(now_, next_wake(parties_[number]));
-    const Instant next = std::min(due, lines_.next_delivery());
+    const Instant next = std::min({due, lines_.next_delivery(), std::max(now_, next_intervention())});
     if (next > Instant{duration}) break;
     if (next > now_) {
       if (runtime::stop_requested())
         return end(RunOutcome::Kind::kInterrupted, lost_text({}, PortStatus::kInterrupted, now_));
       advance_to(next);
       if (admit_outside()) continue;  // Everybody has something to read: who is first is chosen anew.
+    }
+    if (next_intervention() <= now_) {
+      intervention_->on_time(now_, *this);
+      continue;
     }
     if (lines_.next_delivery() <= now_) {
       deliver_serial();  // First of all: who is woken at this instant finds it there.
@@ -94,7 +99,7 @@ RunOutcome VirtualTime::run(Nanos duration) {
 
 void VirtualTime::advance_to(Instant at) {
   write_rows_before(at);
-  now_ = at;
+  now_ = std::max(now_, std::min(at, next_intervention()));  // A row may have asked for one, at its own instant.
   wakeups_now_ = 0;
 }
 
@@ -154,12 +159,20 @@ void VirtualTime::carry(std::size_t sender) {
 }
 
 void VirtualTime::put_on_bus(const can::CanFrame& frame, std::size_t sender) {
+  if (intervention_ == nullptr || intervention_->on_frame({now_, frame}, sender, *this)) deliver(frame, sender);
+}
+
+void VirtualTime::deliver(const can::CanFrame& frame, std::size_t sender) {
   const can::StampedFrame stamped{now_, frame};
   observer_.on_frame(stamped, sender);
   if (outside_ != nullptr) outside_->show(stamped, sender);
   for (std::size_t number = 0; number < parties_.size(); ++number) {
     if (number != sender) parties_[number].inbox.push_back(stamped);
   }
+}
+
+Instant VirtualTime::next_intervention() const {
+  return intervention_ == nullptr ? Instant::never() : intervention_->next_deadline();
 }
 
 void VirtualTime::deliver_serial() {
@@ -182,7 +195,10 @@ bool VirtualTime::admit_outside() {
 }
 
 void VirtualTime::write_rows_before(Instant now) {
-  for (; next_row_ < now; next_row_ += record_period_) observer_.on_row(next_row_, values_);
+  for (; next_row_ < now; next_row_ += record_period_) {
+    observer_.on_row(next_row_, values_);
+    if (intervention_ != nullptr) intervention_->on_row(next_row_, values_);
+  }
 }
 
 RunOutcome VirtualTime::end(RunOutcome::Kind kind, std::string text) const {

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "bench/bus/intervention.hpp"
 #include "bench/bus/outside.hpp"
 #include "bench/bus/run_observer.hpp"
 #include "bench/bus/serial_lines.hpp"
@@ -19,6 +20,8 @@ struct RunMedia {
   /// Outlives the run; null: nobody. What it sends enters at the next instant at which somebody is due, so that such a
   /// run depends on the wall clock.
   Outside* outside = nullptr;
+  /// Stands between the bus and the participants; outlives the run. Null: nobody does.
+  Intervention* intervention = nullptr;
 };
 
 /// Runs participants in virtual time on an ideal bus: frames cross at once, computing takes no time.
@@ -31,7 +34,7 @@ struct RunMedia {
 /// (unless it asked for kDeadlineOnly).
 ///
 /// Bytes on a serial line take their time: see SerialLine.
-class VirtualTime {
+class VirtualTime final : private RunControl {
  public:
   /// @param ports  participants in the order of their numbers; they and the observer outlive this object.
   /// @pre record_period > 0.
@@ -46,13 +49,13 @@ class VirtualTime {
 
   /// Asks something of a participant, for the observer to call during run(): it is woken for it at once.
   /// @param order  a TOML text that the participant understands.
-  void post_order(std::size_t participant, std::string order);
+  void post_order(std::size_t participant, std::string order) override;
 
   /// Pulls a participant's plug out of one of its serial lines, or puts it in again, and wakes it for that at once. For
   /// the observer to call during run().
-  void plug_line(std::size_t participant, std::uint8_t own_line, bool in);
+  void plug_line(std::size_t participant, std::uint8_t own_line, bool in) override;
   /// A serial line of the run, to give it a fault; null if there is none of that name.
-  [[nodiscard]] SerialLine* find_line(std::string_view name) { return lines_.find(name); }
+  [[nodiscard]] SerialLine* find_line(std::string_view name) override { return lines_.find(name); }
 
  private:
   struct Party {
@@ -73,6 +76,8 @@ class VirtualTime {
   [[nodiscard]] runtime::PortStatus wake(std::size_t number);
   void carry(std::size_t sender);
   void put_on_bus(const can::CanFrame& frame, std::size_t sender);
+  void deliver(const can::CanFrame& frame, std::size_t sender) override;
+  [[nodiscard]] Instant next_intervention() const;
   [[nodiscard]] bool admit_outside();
   void deliver_serial();
   void advance_to(Instant at);
@@ -83,6 +88,7 @@ class VirtualTime {
   Nanos record_period_;
   RunObserver& observer_;
   Outside* outside_;
+  Intervention* intervention_;
   std::vector<can::CanFrame> from_outside_;
   bool outside_has_sent_ = false;
   SerialLines lines_;

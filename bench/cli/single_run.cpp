@@ -14,6 +14,7 @@
 #include "bench/bus/virtual_time.hpp"
 #include "bench/bus/wall_clock_relay.hpp"
 #include "bench/cli/child_process.hpp"
+#include "bench/cli/injection.hpp"
 #include "bench/cli/progress.hpp"
 #include "bench/cli/version.hpp"
 #include "bench/record/run_recorder.hpp"
@@ -152,8 +153,9 @@ bus::RunOutcome run_in_virtual_time(const PreparedRun& prepared, const RunReques
   recorder.emplace(prepared.info, std::move(signals), prepared.folder);
   Progress progress{prepared.run.label(), prepared.run.duration, request.quiet};
   Observer observer{*recorder, progress};
-  const bus::RunMedia media{.lines = prepared.run.rig.lines};
-  return bus::VirtualTime{to_pointers(ports), prepared.run.record_period, observer, media}.run(prepared.run.duration);
+  Injection faults{prepared.faults, prepared.run.seed, to_pointers(ports), observer};
+  const bus::RunMedia media{.lines = prepared.run.rig.lines, .intervention = &faults.injector()};
+  return bus::VirtualTime{faults.ports(), prepared.run.record_period, observer, media}.run(prepared.run.duration);
 }
 
 record::Recording run_in_process(PreparedRun& prepared, const RunRequest& request) {
@@ -345,7 +347,7 @@ PreparedRun prepare(scenario::ResolvedRun run, std::filesystem::path folder, con
   if (request.rt_priority && pace.is_virtual()) {
     throw std::invalid_argument{"--rt is for wall-clock pace: virtual time waits for everybody"};
   }
-  PreparedRun prepared{std::move(run), std::move(folder), pace, {}, {}, nullptr, nullptr};
+  PreparedRun prepared{std::move(run), std::move(folder), pace, {}, {}, {}, nullptr, nullptr};
   const config::Section& root = prepared.run.root;
   const config::Rig& rig = prepared.run.rig;
   std::vector<SignalInfo> signals;
@@ -363,6 +365,7 @@ PreparedRun prepare(scenario::ResolvedRun run, std::filesystem::path folder, con
   prepared.info = make_info(prepared, request);
   prepared.info.unseen = name_unseen(prepared);
   require_readers(prepared);
+  prepared.faults = fault::read_faults(root, fault::make_scope(root, rig));
   prepared.checks = check::read_checks(prepared.run.root);
   record::RunInfo known = prepared.info;
   if (!prepared.controller) known.unseen.emplace_back(kController);  // Its signals are known when it has joined.

@@ -2,11 +2,13 @@
 
 #include <filesystem>
 #include <memory>
+#include <vector>
 
 #include "bench/check/read_checks.hpp"
 #include "bench/cli/run_request.hpp"
 #include "bench/record/recording.hpp"
 #include "bench/scenario/scenario.hpp"
+#include "protocols/fault/fault.hpp"
 #include "protocols/participant/participant.hpp"
 
 namespace meltbench::cli {
@@ -18,6 +20,7 @@ struct PreparedRun {
   Pace pace;
   record::RunInfo info;
   check::CheckSet checks;
+  std::vector<fault::Fault> faults;
   std::unique_ptr<Participant> controller;  ///< Null: external.
   std::unique_ptr<Participant> plant;       ///< Null: every board is real.
 };

@@ -124,7 +124,7 @@ std::vector<Variant> read_variants(const Section& root) {
     variant.title = section.text_or("title", variant.name);
     if (!names.insert(variant.name).second) section.fail("name", "another variant has this name");
     ignore_overrides(section);
-    section.ignore({"event", "check"});
+    section.ignore({"event", "fault", "check"});
     section.finish();
     result.push_back(std::move(variant));
   }
@@ -147,9 +147,25 @@ ResolvedRun read_about(const Section& scenario, const std::filesystem::path& fil
   return run;
 }
 
+/// A fault that acts before the run: the machine has been off for a night.
+void start_cold_if_asked(Table& tree) {
+  const Array* faults = list_of(tree, "fault");
+  if (faults == nullptr) return;
+  for (const Value& fault : *faults) {
+    const auto* table = std::get_if<Table>(&fault.data);
+    const config::Entry* kind = table != nullptr ? table->find("kind") : nullptr;
+    if (kind == nullptr || kind->value != Value{std::string{"cold_start"}, {}}) continue;
+    Table plant, over;
+    plant.set("start", Value{std::string{"cold"}, fault.origin});
+    over.set("plant", Value{std::move(plant), fault.origin});
+    merge(tree, over);
+  }
+}
+
 /// Puts the merged tree into the run, and reads from it what the bench needs.
 ResolvedRun resolve(ResolvedRun run, Table tree) {
   make_eds_paths_absolute(tree);
+  start_cold_if_asked(tree);
   run.root = Section{std::make_shared<const Table>(std::move(tree))};
   run.rig = config::read_rig(run.root);
   run.events = config::read_events(run.root, run.rig);
@@ -180,7 +196,7 @@ std::vector<ResolvedRun> load(const std::filesystem::path& file) {
   const std::vector<Variant> variants = read_variants(root);
   if (!variants.empty() && about.has("variant")) about.fail("variant", "but this file has [[variant]] tables");
   const std::vector<Section> checks = root.peek_all("check");
-  const std::vector<Section> events = root.peek_all("event");
+  root.ignore({"event", "fault"});
   root.finish();
 
   std::vector<std::string> names;
@@ -192,7 +208,9 @@ std::vector<ResolvedRun> load(const std::filesystem::path& file) {
     if (const config::Entry* entry = tree->find(key)) base.set(*entry);
   }
   merge(base, overrides_of(*tree));
-  if (const Array* list = list_of(*tree, "event")) append_items(base, "event", *list, root.origin());
+  for (const std::string_view key : {"event", "fault"}) {
+    if (const Array* list = list_of(*tree, key)) append_items(base, key, *list, root.origin());
+  }
 
   if (variants.empty()) {
     append_items(base, "check", checks_for(checks, names, common.variant), root.origin());
@@ -205,7 +223,7 @@ std::vector<ResolvedRun> load(const std::filesystem::path& file) {
     Table merged = base;
     merge(merged, overrides_of(variant.table));
     append_items(merged, "check", checks_for(checks, names, variant.name), root.origin());
-    for (const std::string_view key : {"event", "check"}) {
+    for (const std::string_view key : {"event", "fault", "check"}) {
       if (const Array* list = list_of(variant.table, key)) append_items(merged, key, *list, variant.table.origin);
     }
     ResolvedRun run = common;

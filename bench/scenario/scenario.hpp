@@ -5,8 +5,9 @@
 ///               record_period_ms (default 10), seed (default 1)
 ///   [bus] [plant] [controller] [board.NAME] [health]     keys that replace those of the rig, key by key
 ///   [[event]]   at_s, target, action, and what the action needs
+///   [[fault]]   what fails, when and for how long, read by protocols/fault
 ///   [[check]]   what must hold, read by bench/check; variants = ["a", "b"] restricts it to some variants
-///   [[variant]] name, title, and any of the tables above for this variant only; its events and checks are added
+///   [[variant]] name, title, and any of the tables above for this variant only; its events, faults and checks are added
 
 #include <cstdint>
 #include <filesystem>

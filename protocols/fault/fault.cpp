@@ -26,8 +26,9 @@ const ObjectInfo* find_object(Target target, std::string_view name) {
 }
 
 bool has_board(const config::Rig& rig, std::string_view kind) {
-  return std::any_of(rig.boards.begin(), rig.boards.end(),
-                     [&](const config::RigBoard& board) { return config::name_of(board.kind) == kind; });
+  return std::any_of(rig.boards.begin(), rig.boards.end(), [&](const config::RigBoard& board) {
+    return !board.is_real && config::name_of(board.kind) == kind;
+  });
 }
 
 bool plant_can(Kind kind, const Scope& scope) {
@@ -48,7 +49,9 @@ bool plant_can(Kind kind, const Scope& scope) {
 /// "board.feeder", "sensor.melt_pressure" ... of this rig: for the message that refuses another one.
 std::vector<std::string> list_targets(const Scope& scope) {
   std::vector<std::string> targets{"frame", "plant", "clock.controller", "clock.plant"};
-  for (const config::RigBoard& board : scope.rig.boards) targets.push_back("board." + board.name);
+  for (const config::RigBoard& board : scope.rig.boards) {
+    if (!board.is_real) targets.push_back("board." + board.name);
+  }
   for (const ObjectInfo& object : objects()) {
     if (has_board(scope.rig, object.board_kind)) {
       targets.push_back(fmt::format("{}.{}", name_of(object.target), object.name));

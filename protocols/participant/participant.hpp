@@ -85,6 +85,8 @@ class Outbox {
   void report(Severity severity, Instant at, std::string code, std::string text) {
     events_.push_back(Event{at, severity, std::move(code), std::move(text)});
   }
+  /// The events themselves, for a driver whose clock is not the participant's.
+  [[nodiscard]] std::vector<Event>& event_queue() { return events_; }
   /// @param deadline  not before now; Instant::never() = only when something arrives.
   void wake_at(Instant deadline, WakeOn on = WakeOn::kArrivalOrDeadline) {
     deadline_ = deadline;

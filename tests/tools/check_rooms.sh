@@ -50,6 +50,7 @@ room bench/scenario  $p
 room bench/report    $p bench/record bench/check
 room bench/bus       $p
 room bench/log       $p/time $p/can
+room bench/fault     $p bench/bus
 room plant_emulator  $p
 room controller      $p
 pure $p/time $p/can $p/serial $p/participant $p/canopen $p/modbus plant_emulator/model plant_emulator/board \

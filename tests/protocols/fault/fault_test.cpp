@@ -1,5 +1,7 @@
 #include "protocols/fault/fault.hpp"
 
+#include <fmt/format.h>
+
 #include <catch2/catch.hpp>
 #include <fstream>
 #include <iterator>
@@ -100,12 +102,12 @@ TEST_CASE("Every fault and every parameter stands in FAULTS.md", "[fault]") {
   const std::string text = read_file("fixtures/scenarios/FAULTS.md");
   for (const fault::KindInfo& info : fault::vocabulary()) {
     INFO(fault::name_of(info.target) << " " << info.name);
-    CHECK_THAT(text, Contains("`" + std::string{info.name} + "`"));
+    CHECK_THAT(text, Contains(fmt::format("`{}`", info.name)));
     for (std::size_t i = 0; i < info.parameter_count; ++i) {
-      CHECK_THAT(text, Contains("`" + std::string{info.parameters[i].name}));
+      CHECK_THAT(text, Contains(fmt::format("`{}", info.parameters[i].name)));
     }
   }
   for (const fault::ObjectInfo& object : fault::objects()) {
-    CHECK_THAT(text, Contains("`" + std::string{object.name} + "`"));
+    CHECK_THAT(text, Contains(fmt::format("`{}`", object.name)));
   }
 }

@@ -1,0 +1,26 @@
+#include "bench/cli/injection.hpp"
+
+#include <string_view>
+
+namespace meltbench::cli {
+
+Injection::Injection(std::vector<fault::Fault> faults, std::uint64_t seed,
+                     std::span<runtime::ParticipantPort* const> ports, bus::RunObserver& observer) {
+  std::vector<SignalInfo> signals;
+  std::vector<std::string_view> names;
+  std::size_t emulator = 0;
+  for (const runtime::ParticipantPort* port : ports) {
+    if (port->name() == "plant") emulator = names.size();
+    names.push_back(port->name());
+    signals.insert(signals.end(), port->signals().begin(), port->signals().end());
+  }
+  const auto report = [&observer](const Event& event) { observer.on_event(bus::kOutsideSender, event); };
+  injector_ = std::make_unique<fault::Injector>(std::move(faults),
+                                                fault::Injector::Setup{seed, signals, names, emulator, report});
+  for (std::size_t number = 0; number < ports.size(); ++number) {
+    skewed_.push_back(std::make_unique<fault::SkewedPort>(*ports[number], injector_->clock_of(number)));
+    ports_.push_back(skewed_.back().get());
+  }
+}
+
+}  // namespace meltbench::cli

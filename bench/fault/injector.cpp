@@ -1,0 +1,228 @@
+#include "bench/fault/injector.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace meltbench::fault {
+
+namespace {
+
+/// SplitMix64's finisher: a bijection that spreads neighbouring inputs over all 64 bits.
+std::uint64_t mix(std::uint64_t x) {
+  x = (x ^ (x >> 30U)) * 0xbf58476d1ce4e5b9U;
+  x = (x ^ (x >> 27U)) * 0x94d049bb133111ebU;
+  return x ^ (x >> 31U);
+}
+
+/// In [0, 1), a function of both numbers alone.
+double draw(std::uint64_t seed, std::uint64_t number) {
+  return static_cast<double>(mix(seed ^ mix(number + 1)) >> 11U) * 0x1p-53;
+}
+
+Nanos nanos_from_ms(double ms) {
+  return nanos_from_s(ms * 1e-3);
+}
+
+bool is_order(Target target) {
+  return target == Target::kBoard || target == Target::kSensor || target == Target::kActuator ||
+         target == Target::kPlant;
+}
+
+bool is_moment(Kind kind) {
+  return kind == Kind::kReboot || kind == Kind::kStep;
+}
+
+bool holds(const Trigger& trigger, double value) {
+  return (!trigger.above || value > *trigger.above) && (!trigger.below || value < *trigger.below);
+}
+
+}  // namespace
+
+Injector::Injector(std::vector<Fault> faults, const Setup& setup)
+    : seed_{setup.seed},
+      signals_{setup.signals.begin(), setup.signals.end()},
+      participants_{setup.participants.begin(), setup.participants.end()},
+      emulator_{setup.emulator},
+      report_{setup.report},
+      clocks_(setup.participants.size()) {
+  for (Fault& fault : faults) plan(std::move(fault));
+  update_deadline();
+}
+
+void Injector::plan(Fault fault) {
+  Planned planned;
+  planned.seed = mix(seed_ ^ mix(fault.seed ^ mix(faults_.size())));
+  if (fault.trigger.on == Trigger::On::kTime) planned.due = fault.trigger.at;
+  if (fault.trigger.on == Trigger::On::kSignal) {
+    const auto found = std::find_if(signals_.begin(), signals_.end(),
+                                    [&](const SignalInfo& signal) { return signal.name == fault.trigger.signal; });
+    if (found == signals_.end()) {
+      throw config::ConfigError{fault.table.origin,
+                                fmt::format("fault.when.signal: there is no \"{}\"", fault.trigger.signal),
+                                "meltbench list --signals SCENARIO prints those of a run"};
+    }
+    planned.signal = static_cast<std::size_t>(found - signals_.begin());
+  }
+  planned.fault = std::move(fault);
+  faults_.push_back(std::move(planned));
+}
+
+config::Table Injector::add(Fault fault, Instant now) {
+  if (fault.trigger.on == Trigger::On::kTime && fault.trigger.at <= now) {
+    fault.trigger.at = now;
+    fault.table.set("at_s", config::Value{to_s(now), {}});
+  }
+  config::Table written = fault.table;
+  plan(std::move(fault));
+  update_deadline();
+  return written;
+}
+
+std::size_t Injector::clear(std::string_view name, Instant now) {
+  std::size_t count = 0;
+  for (Planned& planned : faults_) {
+    if (planned.phase == Phase::kOver || planned.fault.name != name) continue;
+    if (planned.phase == Phase::kWaiting) planned.phase = Phase::kOver;
+    planned.due = now;
+    ++count;
+  }
+  update_deadline();
+  return count;
+}
+
+void Injector::update_deadline() {
+  deadline_ = Instant::never();
+  for (const Planned& planned : faults_) {
+    if (planned.phase != Phase::kOver) deadline_ = std::min(deadline_, planned.due);
+  }
+  for (const Held& held : held_) deadline_ = std::min(deadline_, held.due);
+}
+
+void Injector::tell(Instant now, std::string_view code, const Planned& planned, std::string_view more) const {
+  report_({now, Severity::kInfo, std::string{code}, fmt::format("{}{}", planned.fault.name, more)});
+}
+
+void Injector::begin(std::size_t number, Instant now, bus::RunControl& run) {
+  Planned& planned = faults_[number];
+  const Fault& fault = planned.fault;
+  planned.phase = Phase::kOn;
+  planned.due = fault.duration ? now + *fault.duration : Instant::never();
+  tell(now, "fault-on", planned, "");
+  if (is_order(fault.target)) run.post_order(emulator_, write_order(number, true, fault));
+  if (fault.target == Target::kClock) {
+    const auto of = std::find(participants_.begin(), participants_.end(), fault.object);
+    ClockSkew& clock = clocks_[static_cast<std::size_t>(of - participants_.begin())];
+    if (fault.kind() == Kind::kDrift) clock.set_drift(now, fault.value("drift_ppm"));
+    if (fault.kind() == Kind::kStep) clock.step(now, nanos_from_ms(fault.value("step_ms")));
+  }
+  if (is_moment(fault.kind())) planned.phase = Phase::kOver;
+}
+
+void Injector::end(std::size_t number, Instant now, bus::RunControl& run) {
+  Planned& planned = faults_[number];
+  const Fault& fault = planned.fault;
+  planned.phase = Phase::kOver;
+  if (is_order(fault.target)) run.post_order(emulator_, write_order(number, false, fault));
+  if (fault.target == Target::kClock) {
+    const auto of = std::find(participants_.begin(), participants_.end(), fault.object);
+    clocks_[static_cast<std::size_t>(of - participants_.begin())].set_drift(now, 0.0);
+  }
+  tell(now, "fault-off", planned,
+       fault.target == Target::kFrame ? fmt::format(": hit {} of {} frames", planned.hits, planned.matched) : "");
+}
+
+void Injector::on_time(Instant now, bus::RunControl& run) {
+  for (std::size_t number = 0; number < faults_.size(); ++number) {
+    if (faults_[number].due > now) continue;
+    if (faults_[number].phase == Phase::kWaiting) begin(number, now, run);
+    if (faults_[number].phase == Phase::kOn && faults_[number].due <= now) end(number, now, run);
+  }
+  release_held(now, run);
+  update_deadline();
+}
+
+void Injector::release_held(Instant now, bus::RunControl& run) {
+  for (std::size_t i = 0; i < held_.size();) {
+    if (held_[i].due > now) {
+      ++i;
+      continue;
+    }
+    const Held held = held_[i];
+    held_.erase(held_.begin() + static_cast<std::ptrdiff_t>(i));
+    run.deliver(held.frame, held.sender);
+  }
+}
+
+bool Injector::on_frame(const can::StampedFrame& stamped, std::size_t sender, bus::RunControl& run) {
+  if (faults_.empty()) return true;
+  const auto& [now, frame] = stamped;
+  release_held(now, run);  // What comes behind the frame before this one.
+  bool goes_on = true;
+  for (std::size_t number = 0; number < faults_.size(); ++number) {
+    Planned& planned = faults_[number];
+    const Trigger& trigger = planned.fault.trigger;
+    if (planned.phase == Phase::kWaiting && trigger.on == Trigger::On::kFrame && trigger.frame.matches(frame) &&
+        ++planned.seen >= trigger.nth) {
+      begin(number, now, run);
+    }
+    if (planned.phase != Phase::kOn || planned.fault.target != Target::kFrame || !hits(planned, frame)) continue;
+    goes_on = apply(planned, stamped, sender);
+    if (planned.fault.count && planned.hits >= *planned.fault.count) end(number, now, run);
+    if (!goes_on) break;
+  }
+  if (goes_on) pass_held(now);
+  update_deadline();
+  return goes_on;
+}
+
+bool Injector::hits(Planned& planned, const can::CanFrame& frame) const {
+  if (!planned.fault.frames.matches(frame)) return false;
+  const std::uint64_t number = planned.matched++;
+  if (draw(planned.seed, number) >= planned.fault.probability) return false;
+  ++planned.hits;
+  return true;
+}
+
+bool Injector::apply(Planned& planned, const can::StampedFrame& stamped, std::size_t sender) {
+  const Fault& fault = planned.fault;
+  const auto hold = [&](Nanos span, std::size_t behind) {
+    held_.push_back({stamped.at + span, behind, sender, stamped.frame});
+  };
+  switch (fault.kind()) {
+    case Kind::kDelay: {
+      const double share = draw(~planned.seed, planned.hits);
+      hold(nanos_from_ms(fault.value("delay_ms") + share * fault.value("jitter_ms")), 0);
+      return false;
+    }
+    case Kind::kDuplicate:
+      for (int i = 0; i < static_cast<int>(fault.value("copies")); ++i) hold(nanos_from_ms(fault.value("delay_ms")), 0);
+      return true;
+    case Kind::kReorder:
+      hold(nanos_from_ms(fault.value("hold_ms")), static_cast<std::size_t>(fault.value("behind")));
+      return false;
+    default:  // kDrop; kCorrupt: every receiver finds the CRC wrong.
+      return false;
+  }
+}
+
+/// A frame has passed those that are to come behind it.
+void Injector::pass_held(Instant now) {
+  for (Held& held : held_) {
+    if (held.behind > 0 && --held.behind == 0) held.due = now;
+  }
+}
+
+void Injector::on_row(Instant at, std::span<const double> values) {
+  bool any = false;
+  for (Planned& planned : faults_) {
+    if (planned.phase != Phase::kWaiting || planned.fault.trigger.on != Trigger::On::kSignal) continue;
+    if (planned.due != Instant::never() || !holds(planned.fault.trigger, values[planned.signal])) continue;
+    planned.due = at;
+    any = true;
+  }
+  if (any) update_deadline();
+}
+
+}  // namespace meltbench::fault

@@ -1,0 +1,195 @@
+#include "bench/fault/injector.hpp"
+
+#include <catch2/catch.hpp>
+#include <string>
+#include <vector>
+
+#include "bench/bus/run_observer.hpp"
+#include "bench/bus/virtual_time.hpp"
+#include "protocols/config/toml.hpp"
+
+using namespace meltbench;
+
+namespace {
+
+/// Sends one frame 0x181, 0x182 ... every 10 ms, the first at 0.
+class Talker final : public Participant {
+ public:
+  [[nodiscard]] std::string_view name() const override { return "controller"; }
+  void wake(const Wakeup& in, Outbox& out) override {
+    for (; next_ <= in.now; next_ += 10ms) {
+      ++sent_;
+      for (std::uint8_t i = 1; i <= 2; ++i) out.send(can::make_frame(0x180U + i, {sent_}));
+    }
+    out.wake_at(next_);
+  }
+  [[nodiscard]] std::span<const SignalInfo> signals() const override { return signals_; }
+  void read_signals(std::span<double> values) const override { values[0] = sent_; }
+
+ private:
+  std::vector<SignalInfo> signals_{{"talker.sent"}};
+  std::uint8_t sent_ = 0;
+  Instant next_{};
+};
+
+/// Keeps what reaches it, by its own clock.
+class Listener final : public Participant {
+ public:
+  [[nodiscard]] std::string_view name() const override { return "plant"; }
+  void wake(const Wakeup& in, Outbox& out) override {
+    for (const can::StampedFrame& frame : in.frames) heard.push_back(frame);
+    for (const std::string& order : in.orders) orders.push_back({in.now, order});
+    out.wake_at(Instant::never());
+  }
+  [[nodiscard]] std::span<const SignalInfo> signals() const override { return {}; }
+  void read_signals(std::span<double>) const override {}
+
+  std::vector<can::StampedFrame> heard;
+  std::vector<std::pair<Instant, std::string>> orders;
+};
+
+class Observer final : public bus::RunObserver {
+ public:
+  void on_frame(const can::StampedFrame& frame, std::size_t) override { frames.push_back(frame); }
+  void on_row(Instant, std::span<const double>) override {}
+  void on_event(std::size_t, const Event&) override {}
+  std::vector<can::StampedFrame> frames;
+};
+
+struct Run {
+  std::vector<can::StampedFrame> heard;
+  std::vector<std::pair<Instant, std::string>> orders;
+  std::vector<Event> events;
+  std::vector<can::StampedFrame> recorded;
+
+  /// Numbers of the frames with this id, in the order in which they came.
+  [[nodiscard]] std::vector<int> numbers(std::uint32_t id) const {
+    std::vector<int> result;
+    for (const can::StampedFrame& one : heard) {
+      if (one.frame.id == id) result.push_back(one.frame.bytes[0]);
+    }
+    return result;
+  }
+};
+
+const config::Section& rig_root() {
+  static const config::Section root{config::read_toml_file(MELTBENCH_SOURCE_DIR "/fixtures/rigs/bizone.toml")};
+  return root;
+}
+
+Run run(const std::vector<std::string>& texts, Nanos duration = 95ms, std::uint64_t seed = 1) {
+  static const config::Rig rig = config::read_rig(rig_root());
+  const fault::Scope scope{rig, "bizone"};
+  std::vector<fault::Fault> faults;
+  for (const std::string& text : texts) faults.push_back(fault::read_live_fault(text, scope));
+  Run result;
+  Talker talker;
+  Listener listener;
+  runtime::InProcessPort first{talker};
+  runtime::InProcessPort second{listener};
+  const std::vector<std::string_view> names{"controller", "plant"};
+  fault::Injector injector{
+      faults, {seed, talker.signals(), names, 1, [&](const Event& event) { result.events.push_back(event); }}};
+  fault::SkewedPort skewed_first{first, injector.clock_of(0)};
+  fault::SkewedPort skewed_second{second, injector.clock_of(1)};
+  const std::vector<runtime::ParticipantPort*> ports{&skewed_first, &skewed_second};
+  Observer observer;
+  REQUIRE(bus::VirtualTime{ports, 10ms, observer, {.intervention = &injector}}.run(duration).kind == bus::RunOutcome::Kind::kCompleted);
+  result.heard = listener.heard;
+  result.orders = listener.orders;
+  result.recorded = observer.frames;
+  return result;
+}
+
+std::vector<int> range(int first, int last) {
+  std::vector<int> result;
+  for (int i = first; i <= last; ++i) result.push_back(i);
+  return result;
+}
+
+}  // namespace
+
+TEST_CASE("Dropped frames reach nobody, by identifier and for as long as asked", "[fault]") {
+  const Run seen = run({"target = 'frame'\nkind = 'drop'\nid = 0x181\nat_s = 0.02\nfor_s = 0.03"});
+  CHECK(seen.numbers(0x181) == std::vector<int>{1, 2, 6, 7, 8, 9, 10});
+  CHECK(seen.numbers(0x182) == range(1, 10));
+  CHECK(seen.recorded.size() == 17);
+  REQUIRE(seen.events.size() == 2);
+  CHECK(seen.events[0].code == "fault-on");
+  CHECK(seen.events[0].at == Instant{20ms});
+  CHECK(seen.events[1].code == "fault-off");
+  CHECK(seen.events[1].at == Instant{50ms});
+  CHECK_THAT(seen.events[1].text, Catch::Contains("hit 3 of 3 frames"));
+}
+
+TEST_CASE("A mask takes several identifiers, a count ends the fault", "[fault]") {
+  const Run seen = run({"target = 'frame'\nkind = 'drop'\nid = 0x180\nmask = 0x780\ncount = 3\nat_s = 0"});
+  CHECK(seen.numbers(0x181) == range(3, 10));
+  CHECK(seen.numbers(0x182) == range(2, 10));
+}
+
+TEST_CASE("A corrupted frame is lost on the ideal bus: every receiver finds its CRC wrong", "[fault]") {
+  const Run seen = run({"target = 'frame'\nkind = 'corrupt'\nid = 0x182\nat_s = 0\ncount = 1"});
+  CHECK(seen.numbers(0x182) == range(2, 10));
+}
+
+TEST_CASE("A delayed frame comes at its own instant, whatever else goes on", "[fault]") {
+  const Run seen = run({"target = 'frame'\nkind = 'delay'\ndelay_ms = 13\nid = 0x181\nat_s = 0\ncount = 1"});
+  CHECK(seen.numbers(0x181) == std::vector<int>{2, 1, 3, 4, 5, 6, 7, 8, 9, 10});
+  REQUIRE(seen.heard.size() == 20);
+  CHECK(seen.heard[3].frame.id == 0x181);
+  CHECK(seen.heard[3].at == Instant{13ms});
+}
+
+TEST_CASE("A frame comes twice, or behind the one that was sent after it", "[fault]") {
+  const Run twice = run({"target = 'frame'\nkind = 'duplicate'\nid = 0x182\nat_s = 0\ncount = 1"});
+  CHECK(twice.numbers(0x182) == std::vector<int>{1, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10});
+  const Run behind = run({"target = 'frame'\nkind = 'reorder'\nid = 0x181\nat_s = 0\ncount = 1"});
+  REQUIRE(behind.heard.size() == 20);
+  CHECK(behind.heard[0].frame.id == 0x182);
+  CHECK(behind.heard[1].frame.id == 0x181);
+  CHECK(behind.heard[1].frame.bytes[0] == 1);
+  CHECK(behind.heard[2].frame.id == 0x181);
+}
+
+TEST_CASE("The nth frame begins a fault, itself included", "[fault]") {
+  const Run seen = run({"target = 'frame'\nkind = 'drop'\nid = 0x181\nat_frame = { id = 0x181, n = 4 }\ncount = 2"});
+  CHECK(seen.numbers(0x181) == std::vector<int>{1, 2, 3, 6, 7, 8, 9, 10});
+}
+
+TEST_CASE("A signal that crosses a value begins a fault, in the row in which it does", "[fault]") {
+  const Run seen =
+      run({"target = 'board.feeder'\nkind = 'off'\nwhen = { signal = 'talker.sent', above = 4.5 }\nfor_s = 0.02"});
+  REQUIRE(seen.orders.size() == 2);
+  CHECK(seen.orders[0].first == Instant{40ms});
+  CHECK(seen.orders[1].first == Instant{60ms});
+  const auto begins = fault::read_order(seen.orders[0].second);
+  const auto ends = fault::read_order(seen.orders[1].second);
+  REQUIRE(begins);
+  REQUIRE(ends);
+  CHECK(begins->begins);
+  CHECK_FALSE(ends->begins);
+  CHECK(begins->number == ends->number);
+  CHECK_THROWS_AS(run({"target = 'frame'\nkind = 'drop'\nwhen = { signal = 'talker.none', above = 1 }"}),
+                  config::ConfigError);
+}
+
+TEST_CASE("Chance depends on the seeds alone", "[fault]") {
+  const std::string text = "target = 'frame'\nkind = 'drop'\nprobability = 0.5\nat_s = 0\nseed = ";
+  const Run first = run({text + "1"}, 2s);
+  CHECK(first.heard == run({text + "1"}, 2s).heard);
+  CHECK(first.heard != run({text + "2"}, 2s).heard);
+  CHECK(first.heard != run({text + "1"}, 2s, 2).heard);
+  // 402 frames at 1/2: 201 +- 10; five standard deviations.
+  CHECK(first.heard.size() > 150);
+  CHECK(first.heard.size() < 252);
+}
+
+TEST_CASE("A clock that drifts or steps moves its participant alone", "[fault]") {
+  const Run fast = run({"target = 'clock.controller'\nkind = 'drift'\ndrift_ppm = 100000\nat_s = 0"}, 1s);
+  CHECK(fast.numbers(0x181).size() == 111);  // 1.1 s by its own clock, the first at 0.
+  const Run stepped = run({"target = 'clock.plant'\nkind = 'step'\nstep_ms = 5\nat_s = 0.025"});
+  REQUIRE(stepped.heard.size() == 20);
+  CHECK(stepped.heard[4].at == Instant{20ms});
+  CHECK(stepped.heard[6].at == Instant{35ms});
+}
