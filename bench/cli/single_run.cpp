@@ -366,6 +366,10 @@ PreparedRun prepare(scenario::ResolvedRun run, std::filesystem::path folder, con
   prepared.info.unseen = name_unseen(prepared);
   require_readers(prepared);
   prepared.faults = fault::read_faults(root, fault::make_scope(root, rig));
+  if (!prepared.faults.empty() && !pace.is_virtual()) {
+    throw config::ConfigError{prepared.faults.front().table.origin, "faults need virtual time",
+                              "drop --pace and --can"};
+  }
   prepared.checks = check::read_checks(prepared.run.root);
   record::RunInfo known = prepared.info;
   if (!prepared.controller) known.unseen.emplace_back(kController);  // Its signals are known when it has joined.
