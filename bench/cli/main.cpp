@@ -69,6 +69,13 @@ CLI::App* add_run_command(CLI::App& app, Words& words) {
   run->add_option("--rt", words.rt_priority,
                   "Wall-clock pace: programs and bench run at this SCHED_FIFO priority, 1..99")
       ->check(CLI::Range(1, 99));
+  run->add_option(
+      "--tap", words.run.tap.socketcand,
+      "PORT | unix:PATH: lets python-can, SavvyCAN ... on the embedded bus (socketcand, its port is 29536)");
+  run->add_option("--slcan-pty", words.run.tap.slcan_pty,
+                  "PATH: lets a program on the embedded bus that speaks to an slcan adapter there");
+  run->add_flag("--tap-read-only", words.run.tap.read_only, "They may look, not send");
+  run->add_option("--tap-wait", words.run.tap_wait, "The run begins when so many of them look at the bus");
   run->add_flag("--quiet", words.run.quiet, "Print failures, the sum and the report's place only");
   run->footer(
       "Exit status: 0 all checks held, 1 a check failed, 2 bad usage or file, 3 a process or link was lost\n"
@@ -91,6 +98,10 @@ void settle(Words& words, const CLI::App& run) {
   if (on_kernel) {
     if (words.run.pace_given && words.run.pace.is_virtual()) {
       throw std::invalid_argument{"a kernel bus has no virtual time: use --pace realtime"};
+    }
+    if (words.run.tap.is_wanted()) {
+      throw std::invalid_argument{
+          "a kernel bus is open to every program: --tap and --slcan-pty are for an embedded one"};
     }
     words.run.pace.kind = cli::Pace::Kind::kRealTime;
   }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "bench/cli/pace.hpp"
+#include "bench/tap/tap.hpp"
 
 namespace meltbench::cli {
 
@@ -21,6 +22,8 @@ struct RunRequest {
   std::string can;             ///< Bus name; empty: an embedded bus of this run alone.
   std::string controller_can;  ///< Kernel interface of the controller, if it has another one than the boards.
   std::optional<int> rt_priority;  ///< SCHED_FIFO priority of the programs and of the bench, 1..99.
+  tap::TapOptions tap;             ///< Who else may come on the embedded bus.
+  std::size_t tap_wait = 0;        ///< The run begins when so many of them look at it.
 };
 
 }  // namespace meltbench::cli

@@ -16,6 +16,7 @@
 #include "bench/cli/child_process.hpp"
 #include "bench/cli/injection.hpp"
 #include "bench/cli/progress.hpp"
+#include "bench/cli/run_tap.hpp"
 #include "bench/cli/version.hpp"
 #include "bench/record/run_recorder.hpp"
 #include "controller/machine/controller.hpp"
@@ -147,24 +148,26 @@ using Ports = std::vector<std::unique_ptr<runtime::ParticipantPort>>;
 
 /// @returns how it ended; the recording is not yet finished.
 bus::RunOutcome run_in_virtual_time(const PreparedRun& prepared, const RunRequest& request, const Ports& ports,
-                                    std::optional<record::RunRecorder>& recorder) {
+                                    bus::Outside* outside, std::optional<record::RunRecorder>& recorder) {
   std::vector<SignalInfo> signals;
   for (const auto& port : ports) signals.insert(signals.end(), port->signals().begin(), port->signals().end());
   recorder.emplace(prepared.info, std::move(signals), prepared.folder);
   Progress progress{prepared.run.label(), prepared.run.duration, request.quiet};
   Observer observer{*recorder, progress};
   Injection faults{prepared.faults, prepared.run.seed, to_pointers(ports), observer};
-  const bus::RunMedia media{.lines = prepared.run.rig.lines, .intervention = &faults.injector()};
+  const bus::RunMedia media{
+      .lines = prepared.run.rig.lines, .outside = outside, .intervention = &faults.injector()};
   return bus::VirtualTime{faults.ports(), prepared.run.record_period, observer, media}.run(prepared.run.duration);
 }
 
 record::Recording run_in_process(PreparedRun& prepared, const RunRequest& request) {
+  RunTap tap{request};
   write_repro_file(prepared);
   Ports ports;
   ports.push_back(std::make_unique<runtime::InProcessPort>(*prepared.controller));
   ports.push_back(std::make_unique<runtime::InProcessPort>(*prepared.plant));
   std::optional<record::RunRecorder> recorder;
-  const bus::RunOutcome outcome = run_in_virtual_time(prepared, request, ports, recorder);
+  const bus::RunOutcome outcome = run_in_virtual_time(prepared, request, ports, tap.outside(), recorder);
   return recorder->finish(to_ending(outcome));
 }
 
@@ -269,6 +272,7 @@ void print_invitation(const PreparedRun& prepared, const bus::Broker& broker) {
 
 record::Recording run_in_lockstep(const PreparedRun& prepared, const RunRequest& request) {
   const OneProcessor pinned;
+  RunTap tap{request};
   bus::Broker broker{choose_bus_name(request)};
   write_repro_file(prepared);
   Programs programs{prepared, request, broker.bus_name(), pinned.cpu()};
@@ -280,7 +284,7 @@ record::Recording run_in_lockstep(const PreparedRun& prepared, const RunRequest&
     ports.push_back(std::make_unique<bus::SocketPort>(program));
   }
   std::optional<record::RunRecorder> recorder;
-  bus::RunOutcome outcome = run_in_virtual_time(prepared, request, ports, recorder);
+  bus::RunOutcome outcome = run_in_virtual_time(prepared, request, ports, tap.outside(), recorder);
   return recorder->finish(to_ending(end_programs(std::move(outcome), joined, programs)));
 }
 
@@ -291,13 +295,15 @@ record::Recording run_at_wall_clock(const PreparedRun& prepared, const RunReques
     const link::BusUri uri = link::parse_bus_uri(request.can);
     if (uri.kind == link::BusUri::Kind::kSocketCan) kernel_bus.emplace(uri.name);
   }
+  RunTap tap{request};
   bus::Broker broker{choose_bus_name(request)};
   write_repro_file(prepared);
   Programs programs{prepared, request, broker.bus_name(), std::nullopt};
   if (!kernel_bus) print_invitation(prepared, broker);
   std::vector<bus::Joined> joined = programs.wait_until_joined(broker, prepared.info.participants);
   Progress progress{prepared.run.label(), prepared.run.duration, request.quiet};
-  bus::WallClockRelay relay{joined, broker, kernel_bus ? &*kernel_bus : nullptr, prepared.run.record_period};
+  bus::WallClockRelay relay{joined, broker, kernel_bus ? &*kernel_bus : nullptr, prepared.run.record_period,
+                            tap.outside()};
   record::RunRecorder recorder{prepared.info, relay.signals(), prepared.folder};
   Observer observer{recorder, progress};
   const auto started = Clock::now();

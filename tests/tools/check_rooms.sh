@@ -49,6 +49,7 @@ room bench/check     $p bench/record
 room bench/scenario  $p
 room bench/report    $p bench/record bench/check
 room bench/bus       $p
+room bench/tap       $p bench/bus
 room bench/log       $p/time $p/can
 room bench/fault     $p bench/bus
 room plant_emulator  $p
