@@ -11,6 +11,7 @@
 #include "plant_emulator/board/melt_camera.hpp"
 #include "plant_emulator/board/melt_pressure.hpp"
 #include "plant_emulator/board/preconditioner.hpp"
+#include "plant_emulator/board/rtu_feeder.hpp"
 #include "plant_emulator/board/screw_drive.hpp"
 
 namespace meltbench::emulator {
@@ -40,6 +41,15 @@ std::unique_ptr<board::Board> make_board(const BoardSettings& settings, std::uin
   return std::visit(make, settings.firmware);
 }
 
+std::unique_ptr<board::RtuBoard> make_rtu_board(const BoardSettings& settings, std::uint64_t seed,
+                                                board::Process& process) {
+  const board::Chance chance{seed, settings.name};
+  if (const auto* feeder = std::get_if<board::FeederSettings>(&settings.firmware)) {
+    return std::make_unique<board::RtuFeeder>(settings.name, settings.unit, *feeder, chance, process);
+  }
+  throw std::invalid_argument(fmt::format("there is no such board as {} for a serial line", settings.name));
+}
+
 std::unique_ptr<Plant> make_plant(const EmulatorSettings& settings) {
   const auto make = [](const auto& plant) -> std::unique_ptr<Plant> {
     using Settings = std::decay_t<decltype(plant)>;
@@ -62,9 +72,14 @@ Emulator::Emulator(const EmulatorSettings& settings, std::uint64_t seed)
       knows_truth_{settings.knows_truth},
       signals_{plant_->signals().begin(), plant_->signals().begin() + static_cast<std::ptrdiff_t>(truth_count_)},
       material_changes_{settings.material_changes} {
+  for (const config::RigLine& line : settings.lines) serial_.add_line(line.name, line.settings);
   for (const BoardSettings& board : settings.boards) {
-    boards_.push_back(make_board(board, seed, *plant_));
-    for (const std::string_view signal : boards_.back()->signal_names()) {
+    if (board.line.empty()) {
+      devices_.push_back(boards_.emplace_back(make_board(board, seed, *plant_)).get());
+    } else {
+      devices_.push_back(&serial_.add(make_rtu_board(board, seed, *plant_), board.line));
+    }
+    for (const std::string_view signal : devices_.back()->signal_names()) {
       signals_.push_back({fmt::format("{}.{}", board.name, signal), SignalKind::kValue});
     }
   }
@@ -77,27 +92,47 @@ void Emulator::wake(const Wakeup& in, Outbox& out) {
   senders_.clear();
   told_ = 0;
   if (!started_) start();
-  for (const can::StampedFrame& stamped : in.frames) {
-    const Instant at = std::max(stamped.at, now_);
-    run_timers_before(at);
-    advance(at);
-    deliver(stamped.frame);
-    advance(at);  // What the frame has changed without latency.
-  }
+  serial_.on_lines(in.lines);
+  take_arrivals(in);
   run_timers_before(in.now);
   advance(in.now);
   run_timers_before(in.now + 1ns);
   plant_->settle(now_);
-  for (const auto& board : boards_) board->settle(now_);
+  for (board::Device* device : devices_) device->settle(now_);
 
   for (const can::CanFrame& frame : frames_) out.send(frame);
+  serial_.write_answers(out);
   report_boards(out);
   if (knows_truth_) plant_->report(now_, out);
   out.wake_at(std::max(next_deadline(), in.now));
 }
 
+/// Frames and bytes in the order of time.
+void Emulator::take_arrivals(const Wakeup& in) {
+  auto serial = in.serial.begin();
+  const auto come_to = [&](Instant at) {
+    run_timers_before(std::max(at, now_));
+    advance(std::max(at, now_));
+  };
+  const auto take_serial_before = [&](Instant limit) {
+    for (; serial != in.serial.end() && serial->at < limit; ++serial) {
+      come_to(serial->at);
+      serial_.on_bytes(now_, *serial);
+      advance(now_);
+    }
+  };
+  for (const can::StampedFrame& stamped : in.frames) {
+    take_serial_before(stamped.at);
+    come_to(stamped.at);
+    deliver(stamped.frame);
+    advance(now_);  // What the frame has changed without latency.
+  }
+  take_serial_before(Instant::never());
+}
+
 void Emulator::start() {
   started_ = true;
+  serial_.start(now_);
   for (std::size_t i = 0; i < boards_.size(); ++i) {
     boards_[i]->start(now_, frames_);
     mark_sender(i);
@@ -125,6 +160,7 @@ void Emulator::run_timers_before(Instant limit) {
       boards_[i]->on_time(now_, frames_);
       mark_sender(i);
     }
+    serial_.on_time(now_);
     tell_others();
     advance(now_);
   }
@@ -133,12 +169,12 @@ void Emulator::run_timers_before(Instant limit) {
 /// Takes plant and boards to an instant, stopping wherever a board samples or moves something.
 void Emulator::advance(Instant to) {
   for (;;) {
-    board::Board* first = nullptr;
+    board::Device* first = nullptr;
     Instant next = to;
-    for (const auto& board : boards_) {
-      const Instant touch = board->next_touch(next);
+    for (board::Device* device : devices_) {
+      const Instant touch = device->next_touch(next);
       if (touch < next || (first == nullptr && touch == next)) {
-        first = board.get();
+        first = device;
         next = touch;
       }
     }
@@ -169,13 +205,13 @@ void Emulator::tell_others() {
 Instant Emulator::next_deadline() const {
   Instant next = next_change_ < material_changes_.size() ? material_changes_[next_change_].at : Instant::never();
   for (const auto& board : boards_) next = std::min(next, board->next_deadline());
-  return next;
+  return std::min(next, serial_.next_deadline());
 }
 
 void Emulator::report_boards(Outbox& out) {
-  for (const auto& board : boards_) {
-    if (!board->has_events()) continue;
-    for (Event& event : board->take_events()) {
+  for (board::Device* device : devices_) {
+    if (!device->has_events()) continue;
+    for (Event& event : device->take_events()) {
       out.report(event.severity, event.at, std::move(event.code), std::move(event.text));
     }
   }
@@ -184,9 +220,9 @@ void Emulator::report_boards(Outbox& out) {
 void Emulator::read_signals(std::span<double> values) const {
   if (knows_truth_) plant_->read_signals(values.first(truth_count_));
   values = values.subspan(truth_count_);
-  for (const auto& board : boards_) {
-    const std::size_t count = board->signal_names().size();
-    board->read_signals(values.first(count));
+  for (const board::Device* device : devices_) {
+    const std::size_t count = device->signal_names().size();
+    device->read_signals(values.first(count));
     values = values.subspan(count);
   }
 }

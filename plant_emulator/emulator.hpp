@@ -14,20 +14,23 @@
 #include "plant_emulator/board/settings.hpp"
 #include "plant_emulator/plant.hpp"
 #include "plant_emulator/plant_settings.hpp"
+#include "plant_emulator/serial_boards.hpp"
 #include "protocols/canopen/object_dictionary.hpp"
 #include "protocols/config/rig.hpp"
 #include "protocols/participant/participant.hpp"
 
 namespace meltbench::emulator {
 
-/// One board of the rig.
+/// One board of the rig, on CAN or on a serial line.
 struct BoardSettings {
   std::string name;
-  std::uint8_t node_id = 0;
-  std::shared_ptr<const canopen::ObjectDictionary> dictionary;  ///< Of its EDS, for this node id.
+  std::uint8_t node_id = 0;                                     ///< On CAN.
+  std::shared_ptr<const canopen::ObjectDictionary> dictionary;  ///< On CAN: of its EDS, for this node id.
   std::variant<board::FeederSettings, board::ScrewDriveSettings, board::MeltPressureSettings, board::HeaterSettings,
                board::PreconditionerSettings, board::MeltCameraSettings>
       firmware;
+  std::string line{};     ///< On a serial line: its name.
+  std::uint8_t unit = 0;  ///< And its Modbus address there.
 };
 
 struct EmulatorSettings {
@@ -35,6 +38,7 @@ struct EmulatorSettings {
   std::vector<BoardSettings> boards;             ///< At most one of each kind; those of the rig that are emulated.
   bool knows_truth = true;                       ///< No board of the rig is real: the model is all there is.
   std::vector<MaterialChange> material_changes;  ///< In the order of time.
+  std::vector<config::RigLine> lines{};          ///< That have boards on them.
 };
 
 /// Reads [plant] (plant_settings.hpp) and the emulator's part of every [board.NAME] (board/settings.hpp); the EDS files
@@ -44,7 +48,7 @@ struct EmulatorSettings {
 /// boards of one kind, nothing to emulate.
 [[nodiscard]] EmulatorSettings read_settings(const config::Section& root, const config::Rig& rig);
 
-/// Plant and boards on one CAN link, as one participant ("plant").
+/// Plant and boards on one CAN link and on serial lines, as one participant ("plant").
 ///
 /// It is woken for what can be seen on the bus only. Samples and actuations in between are caught up on: the plant is
 /// advanced to each of their instants exactly, feed and screw speed held between. Boards hear each other's frames at
@@ -59,6 +63,7 @@ class Emulator final : public Participant {
   ~Emulator() override;
 
   [[nodiscard]] std::string_view name() const override { return "plant"; }
+  [[nodiscard]] std::span<const std::string> lines() const override { return serial_.line_names(); }
   void wake(const Wakeup& in, Outbox& out) override;
 
   /// plant.*, melt.*, barrel.*: the model's own truth, which no board shows; not offered beside real boards, of which
@@ -68,6 +73,7 @@ class Emulator final : public Participant {
 
  private:
   void start();
+  void take_arrivals(const Wakeup& in);
   void deliver(const can::CanFrame& frame);
   void run_timers_before(Instant limit);
   void advance(Instant to);
@@ -79,7 +85,9 @@ class Emulator final : public Participant {
   std::unique_ptr<Plant> plant_;
   std::size_t truth_count_;  // Signals of the plant that are offered.
   bool knows_truth_;
-  std::vector<std::unique_ptr<board::Board>> boards_;
+  std::vector<std::unique_ptr<board::Board>> boards_;  // On CAN.
+  SerialBoards serial_;
+  std::vector<board::Device*> devices_;  // All of them, in the order of the rig.
   std::vector<SignalInfo> signals_;
   std::vector<MaterialChange> material_changes_;
   std::size_t next_change_ = 0;

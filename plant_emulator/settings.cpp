@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <array>
 #include <fstream>
 #include <iterator>
@@ -28,11 +29,20 @@ std::shared_ptr<const canopen::ObjectDictionary> read_dictionary(const config::R
 }
 
 BoardSettings read_board(const config::RigBoard& board, const board::PlantRates& rates) {
-  BoardSettings settings{board.name, board.node_id, read_dictionary(board), {}};
+  const bool on_line = board.is_on_line();
+  if (on_line && board.kind != BoardKind::kFeeder) {
+    board.section.fail("line", fmt::format("a {} speaks CANopen only", config::name_of(board.kind)),
+                       "give it node_id and eds instead; a feeder can be on a line");
+  }
+  BoardSettings settings{board.name, board.node_id, on_line ? nullptr : read_dictionary(board),
+                         {},         board.line,    board.unit};
   switch (board.kind) {
-    case BoardKind::kFeeder:
-      settings.firmware = board::read_feeder_settings(board.section, rates);
+    case BoardKind::kFeeder: {
+      board::FeederSettings feeder = board::read_feeder_settings(board.section, rates);
+      if (on_line) board::read_serial_settings(board.section, feeder);
+      settings.firmware = feeder;
       break;
+    }
     case BoardKind::kScrewDrive:
       settings.firmware = board::read_screw_drive_settings(board.section, rates);
       break;
@@ -67,6 +77,12 @@ EmulatorSettings read_settings(const config::Section& root, const config::Rig& r
   }
   EmulatorSettings settings{plant.plant, {}, !rig.has_real_board(), {}};
   settings.material_changes = read_material_changes(config::read_events(root, rig, "plant"), settings.plant);
+  for (const config::RigLine& line : rig.lines) {
+    const bool used = std::any_of(rig.boards.begin(), rig.boards.end(), [&](const config::RigBoard& board) {
+      return !board.is_real && board.line == line.name;
+    });
+    if (used) settings.lines.push_back(line);
+  }
   std::array<const config::RigBoard*, config::kBoardKinds> of_kind{};
   for (const config::RigBoard& board : rig.boards) {
     const config::RigBoard*& first = of_kind.at(static_cast<std::size_t>(board.kind));
@@ -78,7 +94,7 @@ EmulatorSettings read_settings(const config::Section& root, const config::Rig& r
     if (board.is_real) continue;  // Its other keys are for the day when it is emulated.
     settings.boards.push_back(read_board(board, plant.rates));
     try {
-      const Emulator trial{{settings.plant, {settings.boards.back()}, true, {}}, 0};
+      const Emulator trial{{settings.plant, {settings.boards.back()}, true, {}, settings.lines}, 0};
     } catch (const std::exception& error) {
       board.section.fail("eds", fmt::format("must describe a {}: {}", config::name_of(board.kind), error.what()),
                          "fixtures/boards/ has one of each kind");

@@ -26,6 +26,11 @@ Instant round_up_to_grid(Instant now, Nanos period) {
   return into == Nanos{} ? now : now + (period - into);
 }
 
+std::vector<BoardSettings> boards_on_can(std::vector<BoardSettings> boards) {
+  std::erase_if(boards, [](const BoardSettings& board) { return board.is_on_line(); });
+  return boards;
+}
+
 bool has_set_point_watchdog(config::BoardKind kind) {
   return kind == config::BoardKind::kFeeder || kind == config::BoardKind::kHeater ||
          kind == config::BoardKind::kPreconditioner;
@@ -37,7 +42,7 @@ BusManager::BusManager(const ControllerSettings& settings, double safe_flow_kg_p
     : node_id_{settings.node_id},
       heartbeat_{settings.heartbeat},
       sync_period_{settings.sync_period},
-      boards_{settings.boards} {
+      boards_{boards_on_can(settings.boards)} {
   const BootTimes times{settings.boot_timeout, settings.sdo_timeout};
   boots_.reserve(boards_.size());
   for (std::size_t i = 0; i < boards_.size(); ++i) {
@@ -71,14 +76,14 @@ void BusManager::start(Instant now, Outbox& out) {
   for (NodeBoot& boot : boots_) boot.begin(now);
 }
 
-bool BusManager::on_time(Instant now, Outbox& out) {
-  const bool started = run_boot(now, out);
+bool BusManager::on_time(Instant now, bool others_ready, Outbox& out) {
+  const bool started = run_boot(now, others_ready, out);
   while (const auto lost = heartbeats_.take_lost(now)) on_heartbeat(now, *lost, out);
   if (!started) run_later_writes(now, out);
   return started;
 }
 
-bool BusManager::run_boot(Instant now, Outbox& out) {
+bool BusManager::run_boot(Instant now, bool others_ready, Outbox& out) {
   if (phase_ != Phase::kBooting) return false;
   bool all_done = true;
   for (NodeBoot& boot : boots_) {
@@ -90,8 +95,9 @@ bool BusManager::run_boot(Instant now, Outbox& out) {
     }
     all_done = all_done && boot.phase() == NodeBoot::Phase::kDone;
   }
-  if (all_done) start_nodes(now, out);
-  return all_done;
+  if (!all_done || !others_ready) return false;
+  start_nodes(now, out);
+  return true;
 }
 
 void BusManager::start_nodes(Instant now, Outbox& out) {

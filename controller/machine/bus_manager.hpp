@@ -17,8 +17,8 @@
 
 namespace meltbench::machine {
 
-/// Any set of boards. All are configured at once; the first that cannot be ends the boot for all, and when the last is
-/// configured all are started together.
+/// Any set of boards on CAN. All are configured at once; the first that cannot be ends the boot for all, and when the
+/// last is configured all are started together.
 ///
 /// Whatever is wrong becomes a Trouble with one of the codes boot-timeout, identity-mismatch, configuration-failed,
 /// heartbeat-lost, node-reset, node-not-operational, emcy; what is survived is reported as an event.
@@ -34,8 +34,12 @@ class BusManager {
   void start(Instant now, Outbox& out);
   /// Whatever is no sample of a board: EMCY, SDO, boot-up and heartbeat.
   void on_frame(Instant now, const can::CanFrame& frame, Outbox& out);
-  /// Boot, lost heartbeats, later writes. @returns true once: all boards have just been started.
-  bool on_time(Instant now, Outbox& out);
+  /// Boot, lost heartbeats, later writes.
+  /// @param others_ready  the boards that are not on CAN are configured, too: start all together.
+  /// @returns true once: all boards have just been started.
+  bool on_time(Instant now, bool others_ready, Outbox& out);
+  /// The boot has failed elsewhere.
+  void give_up() { phase_ = Phase::kFailed; }
   void send_heartbeat_if_due(Instant now, Outbox& out);
   /// @returns true if a SYNC was sent.
   bool send_sync_if_due(Instant now, Outbox& out);
@@ -57,7 +61,7 @@ class BusManager {
   [[nodiscard]] std::uint64_t syncs_missed() const { return sync_timer_.missed(); }
 
  private:
-  bool run_boot(Instant now, Outbox& out);
+  bool run_boot(Instant now, bool others_ready, Outbox& out);
   void start_nodes(Instant now, Outbox& out);
   void run_later_writes(Instant now, Outbox& out);
   void on_node_control(Instant now, const can::CanFrame& frame, Outbox& out);

@@ -44,19 +44,34 @@ Controller::Controller(ControllerSettings settings)
       screw_{settings_},
       bus_{settings_, feed_ ? feed_->safe_flow_kg_per_s() * kSecondsPerHour : 0.0},
       run_rev_per_s_{settings_.run_speed_rev_per_s()} {
+  make_lines();
   make_signals();
+}
+
+void Controller::make_lines() {
+  for (const config::RigLine& line : settings_.lines) {
+    const auto number = static_cast<std::uint8_t>(masters_.size());
+    masters_.emplace_back(number, timing_of(settings_, line.name), settings_.serial);
+    if (feed_ && settings_.board(config::BoardKind::kFeeder).line == line.name) {
+      masters_.back().add(*feed_->feeder().serial());
+    }
+    line_names_.push_back(line.name);
+  }
+  line_states_.assign(masters_.size(), LinkState::kUp);
 }
 
 void Controller::wake(const Wakeup& in, Outbox& out) {
   on_link(in.now, in.link, out);
+  on_lines(in.now, in.lines, out);
   if (state_ == ControllerState::kOff) {
     // What has come until now is older than the reset, and would only mislead.
     state_ = ControllerState::kBooting;
     bus_.start(in.now, out);
   } else {
     for (const can::StampedFrame& stamped : in.frames) on_frame(in.now, stamped.frame, out);
+    for (const SerialArrival& arrival : in.serial) on_serial(in.now, arrival, out);
   }
-  if (bus_.on_time(in.now, out)) begin(in.now, out);
+  if (bus_.on_time(in.now, !feed_ || feed_->is_feeder_ready(), out)) begin(in.now, out);
   handle_troubles(in.now, out);
   run_timeline(in.now, out);
   close_cycle_if_due(in.now, out);
@@ -65,11 +80,13 @@ void Controller::wake(const Wakeup& in, Outbox& out) {
     sync_at_ = in.now;
     cycle_deadline_ = in.now + settings_.sync_period / 2;
   }
+  run_lines(in.now, out);
   out.wake_at(next_deadline());
 }
 
 Instant Controller::next_deadline() const {
   Instant next = std::min(bus_.next_deadline(), cycle_deadline_);
+  for (const SerialMaster& master : masters_) next = std::min(next, master.next_deadline());
   if (!is_up()) return next;
   if (feed_) next = std::min(next, feed_->next_set_point());
   if (next_order_ < settings_.orders.size()) next = std::min(next, settings_.orders[next_order_].at);
@@ -85,8 +102,9 @@ void Controller::begin(Instant now, Outbox& out) {
   std::string laws;
   if (feed_) laws += ", law " + settings_.law;
   if (melt_) laws += ", melt law " + settings_.melt->law;
-  out.report(Severity::kInfo, now, "ready",
-             fmt::format("{} boards configured and started after {:.4g} s{}", bus_.board_count(), to_s(now), laws));
+  out.report(
+      Severity::kInfo, now, "ready",
+      fmt::format("{} boards configured and started after {:.4g} s{}", settings_.boards.size(), to_s(now), laws));
 }
 
 // --- arrivals
@@ -101,6 +119,30 @@ void Controller::on_link(Instant now, LinkState link, Outbox& out) {
   }
 }
 
+void Controller::on_lines(Instant now, std::span<const LinkState> lines, Outbox& out) {
+  for (std::size_t i = 0; i < line_states_.size(); ++i) {
+    const LinkState state = i < lines.size() ? lines[i] : LinkState::kUp;
+    if (state == std::exchange(line_states_[i], state)) continue;
+    if (state == LinkState::kUp) {
+      out.report(Severity::kInfo, now, "line-up", fmt::format("serial line {} is up again", line_names_[i]));
+    } else if (is_up()) {
+      trip(now, "line-down", fmt::format("serial line {} is down; is its adapter unplugged?", line_names_[i]), out);
+    }
+  }
+}
+
+void Controller::on_serial(Instant now, const SerialArrival& arrival, Outbox& out) {
+  if (arrival.line >= masters_.size()) return;
+  masters_[arrival.line].on_bytes(now, arrival);
+  handle_troubles(now, out);
+}
+
+void Controller::run_lines(Instant now, Outbox& out) {
+  for (SerialMaster& master : masters_) master.on_time(now, out);
+  if (!masters_.empty() && feed_) feed_->note_sent();
+  handle_troubles(now, out);
+}
+
 void Controller::on_frame(Instant now, const can::CanFrame& frame, Outbox& out) {
   if (frame.extended || frame.kind != can::FrameKind::kData) return;
   if (screw_.take(frame, sync_at_)) return;
@@ -113,6 +155,12 @@ void Controller::on_frame(Instant now, const can::CanFrame& frame, Outbox& out) 
 
 void Controller::handle_troubles(Instant now, Outbox& out) {
   while (auto trouble = bus_.take_trouble()) trip(now, trouble->code, std::move(trouble->text), out);
+  if (!feed_) return;
+  while (auto trouble = feed_->feeder().take_trouble()) {
+    if (state_ == ControllerState::kBooting) bus_.give_up();
+    trip(now, trouble->code, std::move(trouble->text), out);
+  }
+  if (auto news = feed_->feeder().take_news()) out.report(Severity::kInfo, now, "device-back", std::move(*news));
 }
 
 // --- timeline
@@ -175,8 +223,7 @@ void Controller::update_safe_flow(Instant now, Outbox& out) {
 }
 
 void Controller::tell_safe_flow(Instant now, Outbox& out) {
-  bus_.boot(config::BoardKind::kFeeder)
-      .write(now, {make_loss_of_master_step(feed_->safe_flow_kg_per_s() * kSecondsPerHour)}, out.frame_queue());
+  feed_->tell_safe_flow(now, bus_, out);
 }
 
 // --- the cycle
@@ -195,6 +242,7 @@ void Controller::close_cycle_if_due(Instant now, Outbox& out) {
   } else {
     control(now, out);
   }
+  if (feed_) feed_->end_cycle(now);
 }
 
 void Controller::hand_over_samples() {
@@ -380,6 +428,9 @@ void Controller::make_signals() {
   for (const char* name : {"sdo_timeouts", "heartbeats_lost", "tpdos_missed", "emcys", "syncs_missed"}) {
     signals_.push_back({fmt::format("controller.{}", name), kError});
   }
+  for (const std::string& line : line_names_) {
+    signals_.push_back({fmt::format("controller.{}_timeouts", line), kError});
+  }
 }
 
 void Controller::read_signals(std::span<double> values) const {
@@ -429,6 +480,7 @@ void Controller::read_signals(std::span<double> values) const {
   put(static_cast<double>(samples_missed_));
   put(static_cast<double>(bus_.emcys()));
   put(static_cast<double>(bus_.syncs_missed()));
+  for (const SerialMaster& master : masters_) put(static_cast<double>(master.timeouts()));
 }
 
 }  // namespace meltbench::machine

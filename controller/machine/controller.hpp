@@ -13,6 +13,7 @@
 #include "controller/machine/melt_control.hpp"
 #include "controller/machine/screw_control.hpp"
 #include "controller/machine/sequence.hpp"
+#include "controller/machine/serial_master.hpp"
 #include "controller/machine/settings.hpp"
 #include "controller/machine/zone_control.hpp"
 #include "protocols/participant/participant.hpp"
@@ -40,14 +41,16 @@ enum class ControllerState : std::uint8_t { kOff, kBooting, kReady, kRunning, kS
 /// answered, or half the period is over, the laws are asked and their answers sent at once. A lost answer is no doubt:
 /// the laws go on from what is known, by its time stamp. Only what stays away longer than the limits trips.
 ///
-/// Whatever trips is reported once as a fault with a stable code: those of BusManager, link-down, law-refused,
-/// zone-stale, sequence-overdue, and those of safety::code_of(). Real time: a cycle allocates nothing but for events.
+/// Whatever trips is reported once as a fault with a stable code: those of BusManager, those of SerialFeeder,
+/// link-down, line-down, law-refused, zone-stale, sequence-overdue, and those of safety::code_of(). Real time: a cycle
+/// allocates nothing but for events.
 class Controller final : public Participant {
  public:
   /// @throws std::invalid_argument if a law cannot be made from the settings.
   explicit Controller(ControllerSettings settings);
 
   [[nodiscard]] std::string_view name() const override { return "controller"; }
+  [[nodiscard]] std::span<const std::string> lines() const override { return line_names_; }
   void wake(const Wakeup& in, Outbox& out) override;
   [[nodiscard]] std::span<const SignalInfo> signals() const override { return signals_; }
   void read_signals(std::span<double> values) const override;
@@ -56,6 +59,10 @@ class Controller final : public Participant {
 
  private:
   void on_link(Instant now, LinkState link, Outbox& out);
+  void on_lines(Instant now, std::span<const LinkState> lines, Outbox& out);
+  void on_serial(Instant now, const SerialArrival& arrival, Outbox& out);
+  void run_lines(Instant now, Outbox& out);
+  void make_lines();
   void on_frame(Instant now, const can::CanFrame& frame, Outbox& out);
   void handle_troubles(Instant now, Outbox& out);
   void begin(Instant now, Outbox& out);
@@ -94,6 +101,9 @@ class Controller final : public Participant {
   std::optional<Sequence> sequence_;
   ScrewControl screw_;
   BusManager bus_;  // After feed_: the plan of its boots needs the safe flow.
+  std::vector<std::string> line_names_;
+  std::vector<SerialMaster> masters_;   // In the order of line_names_,
+  std::vector<LinkState> line_states_;  // so are these.
 
   Instant sync_at_;
   Instant cycle_deadline_ = Instant::never();  // never: no cycle is open.

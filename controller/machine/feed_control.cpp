@@ -6,14 +6,13 @@
 #include <cmath>
 
 #include "controller/machine/objects.hpp"
+#include "controller/machine/serial_feeder.hpp"
 
 namespace meltbench::machine {
 
 namespace {
 
 using config::BoardKind;
-
-constexpr double kSecondsPerHour = 3600.0;
 
 std::string_view explain_refusal(law::PredictionStatus status) {
   if (status == law::PredictionStatus::kInfeasible) {
@@ -23,8 +22,7 @@ std::string_view explain_refusal(law::PredictionStatus status) {
   return "a measurement or a history is not a number";
 }
 
-BoardFacts collect_facts(const ControllerSettings& settings, const BusManager& bus) {
-  const NodeBoot& feeder = bus.boot(BoardKind::kFeeder);
+BoardFacts collect_facts(const ControllerSettings& settings, const BusManager& bus, const FeederFacts& feeder) {
   const NodeBoot& drive = bus.boot(BoardKind::kScrewDrive);
   const NodeBoot& pressure = bus.boot(BoardKind::kMeltPressure);
   const auto to_us = [](std::uint32_t us) { return us * 1us; };
@@ -34,8 +32,8 @@ BoardFacts collect_facts(const ControllerSettings& settings, const BusManager& b
   BoardFacts facts;
   facts.metres_per_increment = settings.pitch_m * revolutions / std::max(increments, 1.0);
   facts.Pa_per_count = kPaPerBar * std::pow(10.0, -pressure.value<std::uint8_t>(pressure_object::kDigits));
-  facts.feeder_latency = to_us(feeder.value<std::uint32_t>(feeder_object::kLatency));
-  facts.feeder_cycle = to_us(feeder.value<std::uint32_t>(feeder_object::kControlCycle));
+  facts.feeder_latency = feeder.latency;
+  facts.feeder_cycle = feeder.cycle;
   facts.pressure_latency = to_us(pressure.value<std::uint32_t>(pressure_object::kLatency));
   facts.pressure_period = to_us(pressure.value<std::uint32_t>(pressure_object::kSamplePeriod));
   return facts;
@@ -46,14 +44,20 @@ BoardFacts collect_facts(const ControllerSettings& settings, const BusManager& b
 FeedControl::FeedControl(const ControllerSettings& settings)
     : settings_{settings},
       set_points_{settings.set_points},
-      feeder_id_{settings.board(BoardKind::kFeeder).node_id},
       pressure_id_{settings.board(BoardKind::kMeltPressure).node_id},
       loop_{std::make_unique<LengthLoop>(settings, BoardFacts{})},
       safe_speed_m_per_s_{settings.sequence ? 0.0 : settings.model.speed_m_per_s},
-      safe_feeds_{!settings.sequence} {}
+      safe_feeds_{!settings.sequence} {
+  const BoardSettings& feeder = settings.board(BoardKind::kFeeder);
+  if (feeder.is_on_line()) {
+    feeder_ = std::make_unique<SerialFeeder>(settings, safe_flow_kg_per_s());
+  } else {
+    feeder_ = std::make_unique<CanFeeder>(feeder.node_id);
+  }
+}
 
 void FeedControl::connect(const BusManager& bus) {
-  facts_ = collect_facts(settings_, bus);
+  facts_ = collect_facts(settings_, bus, feeder_->facts(bus));
   make_loop();
 }
 
@@ -70,15 +74,7 @@ void FeedControl::set_material(const MaterialSettings& material) {
 
 bool FeedControl::take(const can::CanFrame& frame, Instant sync_at) {
   using canopen::cob_id::tpdo;
-  if (frame.id == tpdo(feeder_object::kReportTpdo, feeder_id_)) {
-    const auto report = parse_feeder_report(frame);
-    if (report && std::isfinite(report->flow_kg_per_h)) {
-      std::optional<Nanos> age;
-      if (report->age_10us != kAgeSaturated) age = report->age_10us * 10us;
-      feed_ = {sync_at, static_cast<double>(report->flow_kg_per_h) / kSecondsPerHour, age, report->changes};
-    }
-    return true;
-  }
+  if (feeder_->take(frame, sync_at)) return true;
   if (frame.id == tpdo(pressure_object::kSampleTpdo, pressure_id_)) {
     if (const auto report = parse_pressure_report(frame)) {
       std::optional<Nanos> age;
@@ -97,15 +93,15 @@ bool FeedControl::take(const can::CanFrame& frame, Instant sync_at) {
 }
 
 unsigned FeedControl::close_cycle(const std::optional<ScrewSample>& screw) {
-  const unsigned missed = (feed_ ? 0U : 1U) + (pressure_ ? 0U : 1U);
+  const std::optional<FeedSample> feed = feeder_->take_sample();
+  const unsigned missed = (feed || !feeder_->reports_at_sync() ? 0U : 1U) + (pressure_ ? 0U : 1U);
   if (T_melt_degC_ && settings_.viscosity.per_K > 0.0) {
     const double colder_K = settings_.viscosity.at_degC - *T_melt_degC_;
     loop_->note_viscosity(settings_.model.viscosity_Pa_s * std::exp(settings_.viscosity.per_K * colder_K));
   }
   if (screw) loop_->add(*screw);  // First: feed and pressure are placed by the screw's clock and speed.
-  if (feed_) loop_->add(*feed_);
+  if (feed) loop_->add(*feed);
   if (pressure_) loop_->add(*pressure_);
-  feed_.reset();
   pressure_.reset();
   return missed;
 }
@@ -152,8 +148,12 @@ void FeedControl::go_safe(Instant now, Outbox& out) {
 
 void FeedControl::send_flow(Instant now, double flow_kg_per_s, Outbox& out) {
   command_.flow_kg_per_s = flow_kg_per_s;
-  out.send(make_feed_command(feeder_id_, static_cast<float>(flow_kg_per_s * kSecondsPerHour)));
-  loop_->note_sent(now, flow_kg_per_s);
+  feeder_->command(now, flow_kg_per_s, out);
+  note_sent();
+}
+
+void FeedControl::note_sent() {
+  if (const auto sent = feeder_->take_sent()) loop_->note_sent(sent->at, sent->flow_kg_per_s);
 }
 
 bool FeedControl::run_set_points(Instant now) {

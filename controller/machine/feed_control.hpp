@@ -1,6 +1,5 @@
 #pragma once
-/// The filled length on the bus: frames of feeder and melt pressure to samples, and the law's answer to a set point
-/// PDO.
+/// The filled length on the wire: reports of feeder and melt pressure to samples, and the law's answer to a set point.
 
 #include <cstddef>
 #include <memory>
@@ -8,6 +7,7 @@
 #include <vector>
 
 #include "controller/machine/bus_manager.hpp"
+#include "controller/machine/feeder_wire.hpp"
 #include "controller/machine/length_loop.hpp"
 #include "controller/machine/sequence.hpp"
 #include "controller/machine/settings.hpp"
@@ -17,18 +17,21 @@
 namespace meltbench::machine {
 
 /// Per cycle: take() frames until is_complete() or the time is up, close_cycle(), then one of control(), feed() and
-/// go_safe(). Real time: no allocation but for events.
+/// go_safe() or none of them, end_cycle(). Real time: no allocation but for events.
 class FeedControl {
  public:
   /// @throws std::invalid_argument if the law cannot be made from the settings.
   explicit FeedControl(const ControllerSettings& settings);
 
+  /// A feeder that is not on CAN is configured, too.
+  [[nodiscard]] bool is_feeder_ready() const { return feeder_->is_ready(); }
   /// All boards are configured: takes over what they said about themselves.
   void connect(const BusManager& bus);
+  [[nodiscard]] FeederWire& feeder() { return *feeder_; }
 
   /// @returns true if the frame was for it.
   bool take(const can::CanFrame& frame, Instant sync_at);
-  [[nodiscard]] bool is_complete() const { return feed_ && pressure_; }
+  [[nodiscard]] bool is_complete() const { return pressure_ && (feeder_->has_sample() || !feeder_->reports_at_sync()); }
   /// Hands the samples over to the loop. @returns how many were missing.
   unsigned close_cycle(const std::optional<ScrewSample>& screw);
 
@@ -43,6 +46,12 @@ class FeedControl {
   void feed(FeedMode mode, Instant now, Outbox& out);
   /// The feed of the safe state; repeated every cycle, for the feeder's watchdog.
   void go_safe(Instant now, Outbox& out);
+  void end_cycle(Instant now) { feeder_->end_cycle(now); }
+  /// Commands that have left the controller since: the feed on its way.
+  void note_sent();
+  void tell_safe_flow(Instant now, BusManager& bus, Outbox& out) {
+    feeder_->set_safe_flow(now, safe_flow_kg_per_s(), bus, out);
+  }
 
   /// Another polymer is in the screw: model, and laws that begin anew.
   void set_material(const MaterialSettings& material);
@@ -68,12 +77,11 @@ class FeedControl {
   ControllerSettings settings_;
   std::vector<SetPoint> set_points_;
   std::size_t set_point_ = 0;  // Index of the one in force.
-  std::uint8_t feeder_id_;
   std::uint8_t pressure_id_;
   BoardFacts facts_;
   std::unique_ptr<LengthLoop> loop_;
-  std::optional<FeedSample> feed_;  // Since the last cycle was closed.
-  std::optional<PressureSample> pressure_;
+  std::unique_ptr<FeederWire> feeder_;
+  std::optional<PressureSample> pressure_;  // Since the last cycle was closed.
   std::optional<double> T_melt_degC_;
   LengthCommand command_;
   double safe_speed_m_per_s_;

@@ -134,11 +134,17 @@ std::vector<BoardSettings> read_boards(const config::Rig& rig) {
                            "the controller manages one of each kind");
       }
     }
+    if (board.is_on_line() && board.kind != config::BoardKind::kFeeder) {
+      board.section.fail("line", fmt::format("the controller knows no {} on a serial line", name_of(board.kind)),
+                         "give it node_id and eds instead; a feeder can be on a line");
+    }
     boards.push_back({.kind = board.kind,
                       .name = board.name,
                       .node_id = board.node_id,
                       .heartbeat = board.heartbeat,
-                      .identity = read_identity(board)});
+                      .identity = board.is_on_line() ? Identity{} : read_identity(board),
+                      .line = board.line,
+                      .unit = board.unit});
   }
   std::sort(boards.begin(), boards.end(),
             [](const BoardSettings& left, const BoardSettings& right) { return left.kind < right.kind; });
@@ -229,6 +235,8 @@ void read_times(const Section& controller, ControllerSettings& settings) {
   settings.heartbeat = controller.duration_or("heartbeat_ms", 100, config::between(1, 10'000));
   settings.boot_timeout = controller.duration_or("boot_timeout_s", 5, config::between(0.01, 3600));
   settings.sdo_timeout = controller.duration_or("sdo_timeout_ms", 100, config::between(1, 10'000));
+  settings.serial.answer_timeout = controller.duration_or("serial_timeout_ms", 50, config::between(1, 10'000));
+  settings.serial.retries = static_cast<unsigned>(controller.integer_or("serial_retries", 2, config::between(0, 10)));
   settings.limits.max_age = controller.duration_or("measurement_timeout_s", 2, config::between(0.001, 60));
   settings.screw_ramp_rev_per_s2 =
       controller.number_or("screw_ramp_rpm_per_s", 60, config::above(0)) / kSecondsPerMinute;
@@ -467,6 +475,11 @@ ControllerSettings read_settings(const config::Section& root) {
   settings.sync_period = rig.bus.sync_period;
   settings.boards = read_boards(rig);
   check_boards(root, settings);
+  for (const config::RigLine& line : rig.lines) {
+    const bool used = std::any_of(settings.boards.begin(), settings.boards.end(),
+                                  [&](const BoardSettings& board) { return board.line == line.name; });
+    if (used) settings.lines.push_back(line);
+  }
 
   const Section controller = root.section("controller");
   const Section plant = root.peek("plant");

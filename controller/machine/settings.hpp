@@ -13,6 +13,7 @@
 #include "controller/safety/interlock.hpp"
 #include "protocols/config/rig.hpp"
 #include "protocols/config/section.hpp"
+#include "protocols/modbus/rtu_client.hpp"
 #include "protocols/time/instant.hpp"
 
 namespace meltbench::machine {
@@ -32,6 +33,10 @@ struct BoardSettings {
   std::uint8_t node_id = 0;
   Nanos heartbeat = 100ms;  ///< Producer heartbeat time to ask of it.
   Identity identity;
+  std::string line{};     ///< If it is not on CAN: the serial line that it is on,
+  std::uint8_t unit = 0;  ///< and its Modbus address there.
+
+  [[nodiscard]] bool is_on_line() const { return !line.empty(); }
 };
 
 /// Filled length to hold from an instant on.
@@ -95,6 +100,8 @@ struct MaterialSettings {
 /// - heartbeat_ms          1..10000 (100)       its heartbeat; boards miss it after three times as long
 /// - boot_timeout_s        0.01..3600 (5)       per node, from power-up to configured
 /// - sdo_timeout_ms        1..10000 (100)       per transfer; the node is then configured anew
+/// - serial_timeout_ms     1..10000 (50)        for an answer of a board on a serial line; then it is asked again,
+/// - serial_retries        0..10 (2)            so many times, before it is lost
 /// - measurement_timeout_s 0.001..60 (2)        oldest pressure, encoder sample or feeder report to control with
 /// - safe_screw            (keep)               keep | stop; stop only with safe_feed = "stop" if there is a feeder
 /// - screw_ramp_rpm_per_s  > 0 (60)             how fast the controller changes the speed of a screw that it moves
@@ -163,6 +170,8 @@ struct ControllerSettings {
 
   Nanos boot_timeout = 5s;
   Nanos sdo_timeout = 100ms;
+  modbus::ClientTimes serial{.answer_timeout = 50ms};
+  std::vector<config::RigLine> lines;  ///< That have boards on them.
   safety::Limits limits;
   SafeFeed safe_feed = SafeFeed::kOpenLoop;
   SafeScrew safe_screw = SafeScrew::kKeep;

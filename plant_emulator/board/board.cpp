@@ -1,6 +1,5 @@
 #include "plant_emulator/board/board.hpp"
 
-#include <cmath>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -23,11 +22,7 @@ canopen::ObjectDictionary with_defaults(const canopen::ObjectDictionary& diction
 }
 
 Board::Board(std::string name, canopen::ObjectDictionary dictionary, std::uint8_t node_id, Process& process)
-    : name_{std::move(name)}, process_{process}, node_{std::move(dictionary), node_id, this} {}
-
-void Board::report(Severity severity, Instant at, std::string code, std::string text) {
-  events_.push_back({at, severity, std::move(code), fmt::format("{}: {}", name_, text)});
-}
+    : Device{std::move(name), process}, node_{std::move(dictionary), node_id, this} {}
 
 void Board::refresh_once(Instant now) {
   if (refreshed_at_ == now) return;
@@ -53,15 +48,6 @@ canopen::AbortCode Board::on_read(Instant now, canopen::OdEntry& /*entry*/) {
 
 void Board::on_state(Instant now, canopen::NmtState /*from*/, canopen::NmtState to) {
   report(Severity::kInfo, now, "nmt-state", fmt::format("{}", text(to)));
-}
-
-double quantise(double value, double step) {
-  return step > 0 ? std::round(value / step) * step : value;
-}
-
-std::uint16_t to_age(Nanos age, Nanos unit) {
-  const std::int64_t count = (age + unit / 2) / unit;
-  return static_cast<std::uint16_t>(std::clamp<std::int64_t>(count, 0, 0xFFFF));
 }
 
 }  // namespace meltbench::board

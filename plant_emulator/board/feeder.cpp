@@ -8,18 +8,12 @@ namespace meltbench::board {
 
 namespace {
 
-constexpr double kSecondsPerHour = 3600.0;
-constexpr Nanos kAgeUnit = 10us;
-constexpr std::size_t kMaxSetPointsUnderWay = 1024;
 constexpr canopen::ObjectAddress kSetPoint{0x2000, 0};
 constexpr canopen::ObjectAddress kWatchdog{0x2006, 0};
 constexpr canopen::ObjectAddress kAutotare{0x6139, 1};
 constexpr std::uint32_t kTareSignature = 0x61726174;  // "tara"
 constexpr double kWeightCountsPerKg = 1e4;            // 6132:1 = 4 digits.
 constexpr double kFlowCountsPerKgPerH = 1e3;          // 6132:2 = 3 digits.
-
-constexpr std::array<std::string_view, 6> kSignals{"set_point_kg_per_h", "flow_kg_per_h", "measured_flow_kg_per_h",
-                                                   "net_weight_kg",      "delivered_kg",  "master_lost"};
 
 std::uint32_t to_us(Nanos span) {
   return static_cast<std::uint32_t>(span / 1us);
@@ -45,13 +39,7 @@ canopen::ObjectDictionary configure(const canopen::ObjectDictionary& eds, const 
 Feeder::Feeder(std::string name, const canopen::ObjectDictionary& dictionary, std::uint8_t node_id,
                const FeederSettings& settings, Chance chance, Process& process)
     : Board{std::move(name), configure(dictionary, settings), node_id, process},
-      settings_{settings},
-      control_clock_{chance.draw_phase(settings.sample_time), settings.sample_time},
-      weight_clock_{chance.draw_phase(settings.weight_sample_time), settings.weight_sample_time},
-      noise_seed_{chance.draw_bits()},
-      pending_{kMaxSetPointsUnderWay},
-      hopper_kg_{settings.hopper_kg},
-      weight_kg_{settings.hopper_kg} {
+      firmware_{settings, chance, process, *this} {
   canopen::ObjectDictionary& od = this->dictionary();
   set_point_ = od.bind<float>(0x2000);
   delivered_ = od.bind<float>(0x2001);
@@ -74,71 +62,20 @@ Feeder::Feeder(std::string name, const canopen::ObjectDictionary& dictionary, st
 
 // --- the process
 
-Instant Feeder::next_touch(Instant until) const {
-  Instant next = empty_at();
-  if (!pending_.empty()) next = std::min(next, pending_.front().at);
-  return next <= until ? next : Instant::never();
-}
-
 void Feeder::touch(Instant at) {
-  move_to(at);
-  if (!pending_.empty() && pending_.front().at <= at) {
-    const Change change = pending_.front();
-    pending_.pop_front();
-    deliver(at, change.flow_kg_per_h);
-  }
-  if (!empty_ && flow_kg_per_h_ > 0 && hopper_kg_ <= 0) {
-    empty_ = true;
-    deliver(at, flow_kg_per_h_);
-    node().raise_emcy(kEmcyHopperEmpty, canopen::error_register::kGeneric | canopen::error_register::kManufacturer);
-    report(Severity::kFault, at, "hopper-empty", "the hopper is empty, nothing is delivered");
-  }
-}
-
-void Feeder::deliver(Instant at, float flow_kg_per_h) {
-  const float possible = empty_ ? 0.0F : flow_kg_per_h;
-  if (possible != flow_kg_per_h_) {
-    flow_kg_per_h_ = possible;
-    changed_at_ = at;
-    ++change_count_;
-  }
-  process().set_feed_kg_per_s(static_cast<double>(flow_kg_per_h_) / kSecondsPerHour);
+  firmware_.touch(at);
   invalidate();
 }
 
-Instant Feeder::empty_at() const {
-  if (empty_ || !(flow_kg_per_h_ > 0)) return Instant::never();
-  const double left_s = hopper_kg_ / static_cast<double>(flow_kg_per_h_) * kSecondsPerHour;
-  if (left_s > 1e9) return Instant::never();  // 30 years.
-  return moved_to_ + nanos_from_s(std::max(left_s, 0.0));
+void Feeder::on_hopper_empty(Instant at) {
+  node().raise_emcy(kEmcyHopperEmpty, canopen::error_register::kGeneric | canopen::error_register::kManufacturer);
+  report(Severity::kFault, at, "hopper-empty", "the hopper is empty, nothing is delivered");
 }
 
-/// Hopper, totalizer and flow filter over a time in which the flow is constant.
-void Feeder::move_to(Instant at) {
-  if (at <= moved_to_) return;
-  sample_weight(at);
-  const bool runs_empty = at >= empty_at();
-  const double dt_s = to_s(at - moved_to_);
-  const auto flow = static_cast<double>(flow_kg_per_h_);
-  const double kg = std::min(flow / kSecondsPerHour * dt_s, hopper_kg_);
-  hopper_kg_ -= kg;
-  if (runs_empty) hopper_kg_ = 0;  // Without the rounding of the last nanosecond.
-  delivered_kg_ += kg;
-  filtered_kg_per_h_ = flow + (filtered_kg_per_h_ - flow) * std::exp(-dt_s / settings_.flow_filter_s);
-  moved_to_ = at;
-}
-
-/// The newest weight that the scale has taken up to `until`; older ones nobody can read any more.
-void Feeder::sample_weight(Instant until) {
-  const Instant sample = weight_clock_.last_until(until);
-  if (sample <= weighed_at_ || sample < moved_to_) return;
-  const double since_s = to_s(sample - moved_to_);
-  weight_kg_ = std::max(hopper_kg_ - static_cast<double>(flow_kg_per_h_) / kSecondsPerHour * since_s, 0.0);
-  if (settings_.weight_noise_kg > 0) {
-    weight_kg_ += settings_.weight_noise_kg * calc_noise(noise_seed_, weight_clock_.number_of(sample));
-  }
-  weight_kg_ = quantise(weight_kg_, settings_.weight_resolution_kg);
-  weighed_at_ = sample;
+void Feeder::on_refill(Instant at, bool begins) {
+  if (begins) node().clear_emcy(kEmcyHopperEmpty);
+  report(Severity::kInfo, at, begins ? "refill-begins" : "refill-ends",
+         begins ? "refill valve opens, volumetric" : "refill valve closes");
 }
 
 // --- set points
@@ -146,41 +83,21 @@ void Feeder::sample_weight(Instant until) {
 void Feeder::take_set_point(Instant now) {
   const auto asked = static_cast<double>(set_point_.get());
   invalidate();
-  not_a_number_ = !std::isfinite(asked);
-  if (not_a_number_ || lost_nodes_.any()) return;  // Neither says that a master is in control.
-  set_point_kg_per_h_ = asked;
-  const double flow = std::clamp(asked, 0.0, settings_.max_flow_kg_per_h);
-  cut_ = flow != asked;
-  if (master_lost_) {
-    master_lost_ = false;
+  // Neither says that a master is in control.
+  if (!firmware_.check(asked) || lost_nodes_.any()) return;
+  if (firmware_.take_set_point(now, asked, watchdog_ms_.get())) {
     node().clear_emcy(kEmcySetPointsLost);
     report(Severity::kInfo, now, "master-back", "set points come again");
   }
-  schedule(now, flow);
-  const std::uint16_t watchdog_ms = watchdog_ms_.get();
-  own_deadline_ = watchdog_ms != 0 ? now + watchdog_ms * 1ms : Instant::never();
-}
-
-/// Changes the flow one latency after the next control cycle. What is the newest then wins.
-void Feeder::schedule(Instant now, double flow_kg_per_h) {
-  const auto flow = static_cast<float>(quantise(flow_kg_per_h, settings_.flow_resolution_kg_per_h));
-  if (flow == scheduled_kg_per_h_) return;
-  scheduled_kg_per_h_ = flow;
-  const Instant at = control_clock_.first_from(now) + settings_.latency;
-  if (!pending_.empty() && (pending_.back().at == at || pending_.full())) {
-    pending_.back().flow_kg_per_h = flow;
-  } else {
-    pending_.push_back({at, flow});
-  }
+  own_deadline_ = firmware_.watchdog_at();
 }
 
 void Feeder::lose_master(Instant now, std::string_view why) {
-  own_deadline_ = Instant::never();
-  if (master_lost_) return;
-  master_lost_ = true;
+  const double flow = std::clamp(static_cast<double>(on_loss_.get()), 0.0, firmware_.settings().max_flow_kg_per_h);
+  const bool newly_lost = firmware_.lose_master(now, flow);
+  own_deadline_ = firmware_.watchdog_at();
+  if (!newly_lost) return;
   invalidate();
-  const double flow = std::clamp(static_cast<double>(on_loss_.get()), 0.0, settings_.max_flow_kg_per_h);
-  schedule(now, flow);
   report(Severity::kWarning, now, "master-lost", fmt::format("{}: flow falls to {:.4g} kg/h", why, flow));
 }
 
@@ -207,10 +124,11 @@ void Feeder::on_written(Instant now, const canopen::OdEntry& entry) {
   invalidate();
   const canopen::ObjectAddress address = entry.address();
   if (address == kSetPoint) take_set_point(now);
-  if (address == kWatchdog && own_deadline_ != Instant::never()) {
-    own_deadline_ = watchdog_ms_.get() != 0 ? now + watchdog_ms_.get() * 1ms : Instant::never();
+  if (address == kWatchdog) {
+    firmware_.change_watchdog(now, watchdog_ms_.get());
+    own_deadline_ = firmware_.watchdog_at();
   }
-  if (address == kAutotare) tare_.set(static_cast<float>(weight_kg_));
+  if (address == kAutotare) tare_.set(static_cast<float>(firmware_.weight_kg()));
   if (address.index >= 0x1600 && address.index <= 0x17FF) find_set_point_rpdos();
 }
 
@@ -225,22 +143,9 @@ void Feeder::find_set_point_rpdos() {
 void Feeder::on_reset(Instant now, canopen::ResetKind kind) {
   find_set_point_rpdos();
   lost_nodes_.reset();
-  if (kind != canopen::ResetKind::kCommunication) power_up(now);
-}
-
-void Feeder::power_up(Instant now) {
-  move_to(now);
-  while (!pending_.empty()) pending_.pop_front();
-  master_lost_ = cut_ = not_a_number_ = false;
-  own_deadline_ = Instant::never();
-  const double flow = quantise(settings_.start_flow_kg_per_h, settings_.flow_resolution_kg_per_h);
-  scheduled_kg_per_h_ = static_cast<float>(flow);
-  set_point_kg_per_h_ = flow;
-  if (now == Instant{}) {  // It has been so for as long as anyone can remember.
-    flow_kg_per_h_ = scheduled_kg_per_h_;
-    filtered_kg_per_h_ = flow;
-  }
-  deliver(now, scheduled_kg_per_h_);
+  if (kind == canopen::ResetKind::kCommunication) return;
+  firmware_.power_up(now);
+  own_deadline_ = firmware_.watchdog_at();
 }
 
 void Feeder::on_heartbeat(Instant now, const canopen::HeartbeatEvent& event) {
@@ -249,39 +154,19 @@ void Feeder::on_heartbeat(Instant now, const canopen::HeartbeatEvent& event) {
   if (lost) lose_master(now, fmt::format("heartbeat of node {} lost", event.node));
 }
 
-std::uint8_t Feeder::status() const {
-  return static_cast<std::uint8_t>((flow_kg_per_h_ > 0 ? kDelivering : 0) | (master_lost_ ? kMasterLost : 0) |
-                                   (cut_ ? kSetPointCut : 0) | (empty_ ? kHopperEmpty : 0) |
-                                   (not_a_number_ ? kNotANumber : 0));
-}
-
 void Feeder::refresh(Instant now) {
-  move_to(now);
-  delivered_.set(flow_kg_per_h_);
-  age_.set(to_age(now - changed_at_, kAgeUnit));
-  status_.set(status());
-  changes_.set(change_count_);
-  totalizer_.set(static_cast<float>(delivered_kg_));
-  weight_pv_.set(static_cast<float>(weight_kg_));
-  net_weight_.set(static_cast<float>(weight_kg_) - tare_.get());
-  weight_count_.set(to_count(weight_kg_, kWeightCountsPerKg));
-  flow_pv_.set(static_cast<float>(filtered_kg_per_h_));
-  flow_count_.set(to_count(filtered_kg_per_h_, kFlowCountsPerKgPerH));
-}
-
-// --- the recording
-
-std::span<const std::string_view> Feeder::signal_names() const {
-  return kSignals;
-}
-
-void Feeder::read_signals(std::span<double> values) const {
-  values[0] = set_point_kg_per_h_;
-  values[1] = static_cast<double>(flow_kg_per_h_);
-  values[2] = filtered_kg_per_h_;
-  values[3] = weight_kg_;
-  values[4] = delivered_kg_;
-  values[5] = master_lost_ ? 1 : 0;
+  firmware_.move_to(now);
+  const auto weight_kg = static_cast<float>(firmware_.weight_kg());
+  delivered_.set(firmware_.flow_kg_per_h());
+  age_.set(to_age(firmware_.flow_age(now), FeederFirmware::kAgeUnit));
+  status_.set(firmware_.status());
+  changes_.set(firmware_.changes());
+  totalizer_.set(static_cast<float>(firmware_.totalizer_kg()));
+  weight_pv_.set(weight_kg);
+  net_weight_.set(weight_kg - tare_.get());
+  weight_count_.set(to_count(firmware_.weight_kg(), kWeightCountsPerKg));
+  flow_pv_.set(static_cast<float>(firmware_.measured_kg_per_h()));
+  flow_count_.set(to_count(firmware_.measured_kg_per_h(), kFlowCountsPerKgPerH));
 }
 
 }  // namespace meltbench::board

@@ -38,7 +38,20 @@ FeederSettings read_feeder_settings(const config::Section& section, const PlantR
   settings.weight_resolution_kg = section.number_or("weight_resolution_kg", 1e-4, at_least(0));
   settings.weight_noise_kg = section.number_or("weight_noise_kg", 0, at_least(0));
   settings.flow_filter_s = section.number_or("flow_filter_s", 1, above_up_to(0, 1000));
+  settings.refill_low_kg = section.number_or("refill_low_kg", 0, between(0, settings.hopper_kg));
+  settings.refill_high_kg =
+      section.number_or("refill_high_kg", settings.hopper_kg, above_up_to(settings.refill_low_kg, 200'000));
+  settings.refill_kg_per_h = section.number_or(
+      "refill_kg_per_h", std::max(360.0, 2 * settings.max_flow_kg_per_h),
+      above_up_to(settings.max_flow_kg_per_h, 1e6, "else the hopper runs empty while it is refilled"));
+  settings.refill_settle = section.duration_or("refill_settle_s", to_s(settings.refill_settle), between(0, 600));
+  settings.fill_effect = section.number_or("fill_effect", 0, between(-0.5, 0.5));
   return settings;
+}
+
+void read_serial_settings(const config::Section& section, FeederSettings& settings) {
+  settings.low_word_first = section.choice_or("word_order", "high_first", {"high_first", "low_first"}) == "low_first";
+  settings.answer_delay = section.duration_or("answer_delay_ms", 2, between(0, 1000));
 }
 
 ScrewDriveSettings read_screw_drive_settings(const config::Section& section, const PlantRates& plant) {

@@ -44,6 +44,14 @@ struct PlantRates {
 /// - weight_resolution_kg      >= 0 (0.0001)          one step of the scale; 0 = as fine as REAL32
 /// - weight_noise_kg           >= 0 (0)               standard deviation of the scale's noise
 /// - flow_filter_s             > 0, <= 1000 (1)       time constant of the mass flow in 6130:2
+/// - refill_low_kg             0..hopper (0)          the refill valve opens at it; 0 = is never refilled
+/// - refill_high_kg            > low (hopper_kg)      and closes at it
+/// - refill_kg_per_h           > max_flow (360)       through the open valve
+/// - refill_settle_s           0..600 (2)             the scale needs it after a refill: volumetric until then
+/// - fill_effect               -0.5..0.5 (0)          so much more a hopper at the high limit delivers at equal drive
+/// and on a serial line (fixtures/boards/MODBUS.md):
+/// - word_order                high_first | low_first (high_first)   of 32-bit values at power-up; register 10
+/// - answer_delay_ms           0..1000 (2)            from the end of a request to its answer, at least 3.5 characters
 struct FeederSettings {
   Nanos sample_time = 1ms;
   Nanos latency = 2ms;
@@ -57,6 +65,13 @@ struct FeederSettings {
   double weight_resolution_kg = 1e-4;
   double weight_noise_kg = 0;
   double flow_filter_s = 1;
+  double refill_low_kg = 0;
+  double refill_high_kg = 25;
+  double refill_kg_per_h = 360;
+  Nanos refill_settle = 2s;
+  double fill_effect = 0;
+  bool low_word_first = false;
+  Nanos answer_delay = 2ms;
 };
 
 /// [board.NAME] with kind = "screw_drive". Key, range, (default), what:
@@ -174,6 +189,8 @@ struct HeaterSettings {
 /// Read the board's own keys; the section's finish() is the caller's.
 /// @throws config::ConfigError for a value out of range, or a time that is not a whole number of microseconds.
 [[nodiscard]] FeederSettings read_feeder_settings(const config::Section& section, const PlantRates& plant);
+/// What a feeder on a serial line has besides.
+void read_serial_settings(const config::Section& section, FeederSettings& settings);
 [[nodiscard]] ScrewDriveSettings read_screw_drive_settings(const config::Section& section, const PlantRates& plant);
 [[nodiscard]] MeltPressureSettings read_melt_pressure_settings(const config::Section& section);
 [[nodiscard]] PreconditionerSettings read_preconditioner_settings(const config::Section& section,

@@ -38,12 +38,12 @@ room $p/fault        $p/time $p/can $p/serial $p/config
 room $p/link         $p/time $p/can $p/serial
 room $p/runtime      $p/time $p/can $p/participant $p/link
 room plant_emulator/model    $p/time
-room plant_emulator/board  plant_emulator/model $p/time $p/can $p/canopen $p/participant $p/config
+room plant_emulator/board  plant_emulator/model $p/time $p/can $p/canopen $p/modbus $p/participant $p/config
 room controller/law        $p/time
 room controller/estimator  $p/time controller/law
 room controller/safety     $p/time
 room controller/machine    controller/law controller/estimator controller/safety \
-                           $p/time $p/can $p/canopen $p/participant $p/config
+                           $p/time $p/can $p/canopen $p/modbus $p/participant $p/config
 room bench/record    $p
 room bench/check     $p bench/record
 room bench/scenario  $p
