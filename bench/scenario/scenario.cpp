@@ -19,7 +19,7 @@ using config::Value;
 using TablePtr = std::shared_ptr<const Table>;
 
 // Tables that a scenario and a variant may lay over the rig's.
-constexpr std::array<std::string_view, 5> kOverrides{"bus", "plant", "controller", "board", "health"};
+constexpr std::array<std::string_view, 6> kOverrides{"bus", "line", "plant", "controller", "board", "health"};
 constexpr double kMaxDuration_s = 1e6;
 
 void refuse_unknown_top_level(const TablePtr& tree, std::initializer_list<std::string_view> known) {
@@ -45,7 +45,7 @@ TablePtr read_rig_tree(const Section& scenario, const TablePtr& tree) {
   const std::filesystem::path file = scenario.path("rig");
   if (tree->find("rig") != nullptr) scenario.fail("rig", "but this file has a [rig] of its own", "remove one of them");
   auto rig = config::read_toml_file(file, scenario.table().find("rig")->value.origin);
-  refuse_unknown_top_level(rig, {"rig", "bus", "plant", "controller", "board"});
+  refuse_unknown_top_level(rig, {"rig", "bus", "line", "plant", "controller", "board"});
   return rig;
 }
 
