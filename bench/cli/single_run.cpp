@@ -97,7 +97,9 @@ record::RunInfo make_info(const PreparedRun& prepared, const RunRequest& request
   info.pace = prepared.pace.text();
   info.participants = name_participants(prepared);
   info.nodes.push_back({run.rig.controller_node_id, "controller"});
-  for (const config::RigBoard& board : run.rig.boards) info.nodes.push_back({board.node_id, board.name});
+  for (const config::RigBoard& board : run.rig.boards) {
+    if (!board.is_on_line()) info.nodes.push_back({board.node_id, board.name});
+  }
   info.has_serial_lines = !run.rig.lines.empty();
   info.bit_rate_bit_per_s = run.rig.bus.bit_rate_bit_per_s;
   info.version = kProgramVersion;
