@@ -43,7 +43,7 @@ const KnownPlot kKnownPlots[] = {
     {"Heater power",
      {"barrel.power_zone1_W", "barrel.power_zone2_W", "barrel.power_zone3_W", "barrel.power_zone4_W",
       "barrel.power_nozzle_W"}},
-    {"Margins of the melt model", {"melt.solid_margin_K", "melt.liquid_margin_K", "controller.solid_margin_K"}},
+    {"Margins of the melt model", {"melt.solid_margin_K", "melt.liquid_margin_K", "controller.solid_margin_K", "controller.liquid_margin_K"}},
     {"Margin between granules and filled zone", {"plant.melt_margin_m"}},
     {"Inlet filling ratio U", {"plant.U", "controller.U_command", "controller.U_applied"}},
     {"Delay", {"plant.delay_s", "controller.delay_s"}},

@@ -198,7 +198,8 @@ void BusManager::on_emcy(Instant now, const canopen::ReceivedEmcy& received, Out
   std::string what = fmt::format("{}: EMCY {:04X}, {}, error register 0x{:02X}", label(i), code,
                                  canopen::emcy_text(code), received.emcy.error_register);
   const bool own_watchdog = code == kEmcyNoSetPoints && has_set_point_watchdog(boards_[i].kind);
-  if (own_watchdog || safety::is_survivable_emcy(code) || phase_ != Phase::kUp) {
+  const bool not_tuned = code == kEmcyAutotune && boards_[i].kind == config::BoardKind::kHeater;
+  if (own_watchdog || not_tuned || safety::is_survivable_emcy(code) || phase_ != Phase::kUp) {
     out.report(Severity::kWarning, now, "emcy", std::move(what));
   } else {
     complain("emcy", std::move(what));

@@ -192,6 +192,8 @@ void Controller::obey(Instant now, const Order& order, Outbox& out) {
     case Order::Kind::kZoneSetPoint:
       zones_->set_barrel(order.value);
       return out.report(Severity::kInfo, now, "zone-set-point", fmt::format("barrel goes to {:.4g} C", order.value));
+    case Order::Kind::kAutotune:
+      return zones_->tuning().ask(order.index);
     case Order::Kind::kMaterial: {
       const MaterialSettings& material = settings_.materials[order.index];
       melt_->set_material(material);
@@ -250,8 +252,18 @@ void Controller::hand_over_samples() {
   if (!screw) ++samples_missed_;
   if (feed_) samples_missed_ += feed_->close_cycle(screw);
   if (melt_) {
-    samples_missed_ += melt_->close_cycle(screw_.speed_m_per_s(), zones_ ? zones_->T_barrel_degC() : std::nullopt);
+    samples_missed_ += melt_->close_cycle(screw_.speed_m_per_s(), zones_ ? zones_->T_barrel_degC() : std::nullopt,
+                                          find_coldest_at_melt());
   }
+}
+
+/// Of the zones behind the front and the melt's thermometer; what the boards report, not what was asked of them.
+std::optional<double> Controller::find_coldest_at_melt() const {
+  std::optional<double> coldest;
+  if (zones_) coldest = zones_->T_coldest_beyond_degC(melt_->loop().front_m() / settings_.melt->model.length_m);
+  if (const auto T_melt = feed_ ? feed_->T_melt_degC() : std::nullopt)
+    coldest = std::min(coldest.value_or(*T_melt), *T_melt);
+  return coldest;
 }
 
 SequenceDemand Controller::demand() const {
@@ -287,7 +299,10 @@ void Controller::control(Instant now, Outbox& out) {
   control_feed(now, out);
   if (is_controlling()) control_melt(now, out);
   if (!is_controlling()) return;
-  if (zones_) zones_->tell(out);
+  if (zones_) {
+    zones_->tell(out);
+    zones_->tuning().update(now, bus_.boot(config::BoardKind::kHeater), out);
+  }
   screw_.drive(out);
   reaction_s_ = to_s(now - sync_at_);
 }
@@ -410,9 +425,10 @@ void Controller::make_signals() {
   signals_.push_back({"controller.state"});
   if (sequence_) signals_.push_back({"controller.sequence"});
   if (melt_) {
-    for (const char* name : {"front_m", "front_set_m", "T_ref_degC", "q_f_star_W_per_m2", "q_f_W_per_m2",
-                             "melt_Z_W_per_m2", "T_inlet_degC", "T_inlet_estimate_degC", "T_barrel_degC",
-                             "solid_margin_K", "trim_K", "gain_speed_m_per_s", "front_coasted_m", "inlet_coasted_m"}) {
+    for (const char* name :
+         {"front_m", "front_set_m", "T_ref_degC", "q_f_star_W_per_m2", "q_f_W_per_m2", "melt_Z_W_per_m2",
+          "T_inlet_degC", "T_inlet_estimate_degC", "T_barrel_degC", "solid_margin_K", "liquid_margin_K", "trim_K",
+          "gain_speed_m_per_s", "front_coasted_m", "inlet_coasted_m"}) {
       signals_.push_back({fmt::format("controller.{}", name)});
     }
     for (std::size_t i = 0; i < MeltLoop::kProfilePoints; ++i)
@@ -464,6 +480,7 @@ void Controller::read_signals(std::span<double> values) const {
     put(loop.T_inlet_estimate_degC());
     put(loop.T_barrel_degC());
     put(loop.solid_margin_K());
+    put(loop.liquid_margin_K());
     put(loop.trim_K());
     put(loop.gain_speed_m_per_s());
     put(seen.front_coasted_m);

@@ -75,6 +75,7 @@ class Controller final : public Participant {
   void close_cycle_if_due(Instant now, Outbox& out);
   [[nodiscard]] bool has_all_samples() const;
   void hand_over_samples();
+  [[nodiscard]] std::optional<double> find_coldest_at_melt() const;
   void control(Instant now, Outbox& out);
   [[nodiscard]] std::optional<Trouble> judge(Instant now);
   void run_sequence(Instant now, Outbox& out);

@@ -55,10 +55,12 @@ bool MeltControl::take(const can::CanFrame& frame, Instant sync_at) {
   return false;
 }
 
-unsigned MeltControl::close_cycle(double screw_speed_m_per_s, std::optional<double> T_barrel_degC) {
+unsigned MeltControl::close_cycle(double screw_speed_m_per_s, std::optional<double> T_barrel_degC,
+                                  std::optional<double> T_coldest_degC) {
   const unsigned missed = (front_ ? 0U : 1U) + (inlet_ ? 0U : 1U) + (flux_ ? 0U : 1U);
   loop_->note_speed(screw_speed_m_per_s);
   loop_->note_barrel(T_barrel_degC.value_or(melt_.T_barrel_degC));
+  loop_->note_coldest(T_coldest_degC);
   if (front_) loop_->add(*front_);
   if (inlet_) {
     inlet_->mean_flux_W_per_m2 = flux_;

@@ -26,8 +26,10 @@ class MeltControl {
   /// @returns true if the frame was for it.
   bool take(const can::CanFrame& frame, Instant sync_at);
   [[nodiscard]] bool is_complete() const { return front_ && inlet_ && flux_; }
-  /// Hands the samples over to the loop. @returns how many were missing.
-  unsigned close_cycle(double screw_speed_m_per_s, std::optional<double> T_barrel_degC);
+  /// Hands the samples over to the loop; nothing for T: not measured. @returns how many were missing.
+  /// @param T_coldest_degC  the coldest that touches the melt.
+  unsigned close_cycle(double screw_speed_m_per_s, std::optional<double> T_barrel_degC,
+                       std::optional<double> T_coldest_degC);
 
   [[nodiscard]] bool is_ready() const { return loop_->is_ready(); }
   /// The loop runs on fresh measurements.

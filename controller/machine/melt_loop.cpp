@@ -210,6 +210,7 @@ safety::MeltObservation MeltLoop::observe() const {
   seen.front_m = front_m_;
   if (inlet_fresh_) seen.T_inlet_degC = T_inlet_degC_;
   seen.T_solid_max_degC = settings_.model.T_melt_degC - solid_margin_K_;
+  seen.T_liquid_min_degC = T_liquid_min_degC();
   seen.front_coasted_m = front_coasted_m_;
   seen.inlet_coasted_m = inlet_coasted_m_;
   return seen;

@@ -115,6 +115,8 @@ class MeltLoop {
 
   void note_speed(double b_m_per_s) { b_m_per_s_ = b_m_per_s; }
   void note_barrel(double T_barrel_degC) { T_barrel_degC_ = T_barrel_degC; }
+  /// The coldest that can touch the melt; see safety::MeltObservation. Nothing: the barrel as noted.
+  void note_coldest(std::optional<double> T_degC) { T_coldest_degC_ = T_degC; }
   void add(const FrontSample& sample);
   void add(const InletSample& sample);
 
@@ -144,6 +146,8 @@ class MeltLoop {
   [[nodiscard]] double T_inlet_estimate_degC() const { return observer_.T_inlet_degC(); }
   /// T_m - max That: margin to (6) of [K19] in the estimate; negative = violated.
   [[nodiscard]] double solid_margin_K() const { return solid_margin_K_; }
+  /// Lower bound of the melt - T_m: margin to (7) of [K19]; negative = may be violated.
+  [[nodiscard]] double liquid_margin_K() const { return T_liquid_min_degC() - settings_.model.T_melt_degC; }
   [[nodiscard]] safety::MeltObservation observe() const;
 
  private:
@@ -152,6 +156,7 @@ class MeltLoop {
   void start_observer(Instant sync_at);
   void follow_speed(double dt_s);
   void look_at_estimate();
+  [[nodiscard]] double T_liquid_min_degC() const { return T_coldest_degC_.value_or(T_barrel_degC_); }
 
   MeltSettings settings_;
   MeltFacts facts_;
@@ -164,6 +169,7 @@ class MeltLoop {
 
   double b_m_per_s_ = 0.0;
   double T_barrel_degC_;
+  std::optional<double> T_coldest_degC_;
   FrontTracker fronts_;
   std::optional<Instant> inlet_at_;
   double T_inlet_degC_ = 0.0;

@@ -63,6 +63,16 @@ class NodeBoot {
 
   /// Writes something later, in the run; failures show in take_failure(). @pre kDone.
   void write(Instant now, std::vector<canopen::SdoStep> steps, canopen::Frames& out);
+  /// A write() is under way.
+  [[nodiscard]] bool is_writing() const { return list_runs_; }
+  /// What step `step` of the last write() has read; nothing if it has not, or not as a T. @pre !is_writing().
+  template <class T>
+  [[nodiscard]] std::optional<T> read_later(std::size_t step) const {
+    if (queue_.status() == canopen::ConfigurationQueue::Status::kFailed) return {};
+    const auto value = queue_.value_read(step);
+    if (value.size() != sizeof(T)) return {};
+    return canopen::load<T>(value);
+  }
   /// Why the last write() failed, told once.
   [[nodiscard]] std::optional<std::string> take_failure();
 

@@ -63,8 +63,10 @@ std::optional<ZoneTemperature> parse_melt_temperature(const can::CanFrame& frame
 
 std::optional<ZoneTemperature> parse_zone(const can::CanFrame& frame, bool second) {
   const std::size_t from = second ? 4 : 0;
-  if (!carries(frame, from + 3)) return {};
-  return ZoneTemperature{.T_0p1degC = canopen::load<std::int16_t>(frame.bytes, from), .status = frame.bytes[from + 2]};
+  if (!carries(frame, from + 4)) return {};
+  return ZoneTemperature{.T_0p1degC = canopen::load<std::int16_t>(frame.bytes, from),
+                         .status = frame.bytes[from + 2],
+                         .state = frame.bytes[from + 3]};
 }
 
 std::optional<std::int16_t> parse_output(const can::CanFrame& frame, std::size_t byte) {

@@ -97,8 +97,15 @@ inline constexpr std::uint16_t kOutput = 0x7410;                  ///< I16 per c
 inline constexpr std::uint16_t kSensorType = 0x6110;              ///< U16 per channel, 0 = not fitted.
 inline constexpr std::uint16_t kZoneState = 0x2102;               ///< U8 per channel.
 inline constexpr std::uint16_t kHighAlarm = 0x2100;               ///< I16 per channel, 0.1 °C.
+inline constexpr std::uint16_t kAutotune = 0x2110;                ///< U8 per channel, 1 starts.
+inline constexpr std::uint16_t kAutotuneState = 0x2111;           ///< U8 per channel.
+inline constexpr std::uint16_t kProportionalBand = 0x7450;        ///< I16 per channel, 0.1 K.
+inline constexpr std::uint16_t kIntegralTime = 0x7452;            ///< I16 per channel, 0.1 s.
+inline constexpr std::uint16_t kDerivativeTime = 0x7454;          ///< I16 per channel, 0.1 s.
 inline constexpr canopen::ObjectAddress kRelease{0x2000, 0};      ///< U8, bit n - 1 = channel n.
 inline constexpr canopen::ObjectAddress kBoardStatus{0x2001, 0};  ///< U8.
+inline constexpr std::uint8_t kZoneTunes = 0x40;                  ///< Bit of kZoneState.
+inline constexpr std::uint8_t kAutotuneDone = 2;                  ///< Value of kAutotuneState.
 inline constexpr unsigned kBarrelRpdo = 1;
 inline constexpr unsigned kNozzleRpdo = 2;
 inline constexpr unsigned kFirstPairTpdo = 1;   ///< Temperature, status, state of channels 1 and 2.
@@ -109,6 +116,8 @@ inline constexpr unsigned kNozzleTpdo = 4;      ///< All of channel 5, and the b
 
 /// The boards' own watchdog for set points, of feeder, heater and preconditioner. Over as soon as they come again.
 inline constexpr std::uint16_t kEmcyNoSetPoints = 0xFF01;
+/// Heater: a zone could not be tuned and goes on as before.
+inline constexpr std::uint16_t kEmcyAutotune = 0xFF14;
 
 /// The feeder's answer to a SYNC.
 struct FeederReport {
@@ -150,6 +159,7 @@ struct InletReport {
 struct ZoneTemperature {
   std::int16_t T_0p1degC = 0;
   std::uint8_t status = 0;
+  std::uint8_t state = 0;  ///< Of a zone: heater_object::kZoneState.
 };
 
 enum class PreconditionerMode : std::uint8_t { kOff = 0, kDirectFlux = 1, kInnerLoop = 2 };

@@ -290,6 +290,7 @@ double read_barrel(const Section& section, const Section& plant, const law::Melt
 void read_melt_limits(const Section& melt, MeltSettings& settings) {
   safety::MeltLimits& limits = settings.limits;
   limits.max_superheat_K = melt.number_or("max_superheat_K", limits.max_superheat_K, config::above(0));
+  limits.max_undercooling_K = melt.number_or("max_undercooling_K", limits.max_undercooling_K, config::above(0));
   limits.max_coasted_share = melt.number_or("max_coasted_share", limits.max_coasted_share, config::above(0));
   limits.T_melt_degC = settings.model.T_melt_degC;
   limits.length_m = settings.model.length_m;
@@ -409,6 +410,14 @@ std::size_t find_material(const Section& event, const ControllerSettings& settin
              "a material has a table of its own in the rig or the scenario");
 }
 
+std::size_t read_zone(const Section& event, const ZoneSettings& zones) {
+  const auto channel = static_cast<std::size_t>(event.integer("zone", config::between(1, kMaxZones)));
+  const bool there = std::any_of(zones.zones.begin(), zones.zones.end(),
+                                 [&](const ZoneSettings::Zone& zone) { return zone.channel == channel; });
+  if (!there) event.fail("zone", "is not heated", "zones are counted from the feed throat on, 5 is the nozzle");
+  return channel;
+}
+
 Order read_order(const config::TimelineEvent& event, const ControllerSettings& settings) {
   const Section& section = event.section;
   Order order{.at = event.at};
@@ -426,6 +435,10 @@ Order read_order(const config::TimelineEvent& event, const ControllerSettings& s
     must_have(settings.zones.has_value(), "heated zones");
     order.kind = Order::Kind::kZoneSetPoint;
     order.value = section.number("value", config::between(0, settings.zones->limits.max_degC));
+  } else if (event.action == "autotune") {
+    must_have(settings.zones.has_value(), "heated zones");
+    order.kind = Order::Kind::kAutotune;
+    order.index = read_zone(section, *settings.zones);
   } else if (event.action == "material") {
     must_have(settings.melt.has_value(), "a loop of the melting front");
     order.kind = Order::Kind::kMaterial;
@@ -441,6 +454,7 @@ Order read_order(const config::TimelineEvent& event, const ControllerSettings& s
                                                            {"front_set_point", {}},
                                                            {"screw_speed", {}},
                                                            {"zone_set_point", {}},
+                                                           {"autotune", {}},
                                                            {"material", {}}});
     must_have(settings.sequence.has_value(), "a [controller.sequence]");
   }

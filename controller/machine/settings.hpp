@@ -63,6 +63,7 @@ struct Order {
     kFrontSetPoint,  ///< value = melting front to hold [m].
     kScrewSpeed,     ///< value = speed of the running screw [rev/s], reached by the ramp.
     kZoneSetPoint,   ///< value = set point of all barrel zones [°C]; the nozzle's stays.
+    kAutotune,       ///< index = channel of the zone that the heater board shall try out.
     kMaterial,       ///< materials[index] is in the hopper now: model, front, barrel and speed change to it.
     kSequence,       ///< order of the sequence.
   };
@@ -132,7 +133,8 @@ struct MaterialSettings {
 /// | output_feedback_capped | output_feedback_direct; front_set_point_m > 0 and < L, no default; c_per_travel_1_per_m >
 /// 0 (100); pi_proportional_W_per_m3 (300); pi_integral_W_per_m3s (4.5); trim_K_per_m2 >= 0 (0: off), trim_gate_m > 0
 /// (0.002), trim_limit_K > 0 (5); observer_cells 20..400 (100); observer_start_below_K >= 0 (20);
-/// gain_ramp_mm_per_s2 > 0 (10); max_superheat_K > 0 (10); max_coasted_share > 0 (0.5), of s/b.
+/// gain_ramp_mm_per_s2 > 0 (10); max_superheat_K > 0 (10); max_undercooling_K > 0 (10); max_coasted_share > 0 (0.5),
+/// of s/b.
 /// Keys of [controller.melt.model]: material (the plant's, else HDPE), barrel_exchange_W_per_m3K, T_barrel_degC,
 /// speed_m_per_s, length_m, nozzle_flux_W_per_m2, and those of MeltModel one by one.
 ///
@@ -143,6 +145,7 @@ struct MaterialSettings {
 /// - front_set_point  value = melting front in m
 /// - screw_speed      rpm
 /// - zone_set_point   value = degrees Celsius of all barrel zones
+/// - autotune         zone = 1..4 from the feed throat on, 5 the nozzle: the heater board tries it out, and tunes it
 /// - material         name of a [controller.material.NAME]
 /// - start | hold | purge | shut_down
 struct ControllerSettings {

@@ -41,6 +41,7 @@ void ZoneControl::take_temperature(std::size_t channel, const can::CanFrame& fra
   zone->report.sensor_good = report->status == 0;
   zone->fresh = zone->seen = true;
   zone->reported_at = now;
+  tuning_.note(channel, report->state);
 }
 
 void ZoneControl::take_output(std::size_t channel, const can::CanFrame& frame, std::size_t byte) {
@@ -134,6 +135,19 @@ std::optional<double> ZoneControl::T_barrel_degC() const {
   }
   if (count == 0) return {};
   return sum / count;
+}
+
+std::optional<double> ZoneControl::T_coldest_beyond_degC(double share) const {
+  std::size_t barrel_zones = 0;
+  for (const Zone& zone : zones_) barrel_zones += zone.set.channel == kNozzleChannel ? 0U : 1U;
+  std::optional<double> coldest;
+  for (const Zone& zone : zones_) {
+    const bool touches_melt = zone.set.channel != kNozzleChannel &&
+                              static_cast<double>(zone.set.channel) > share * static_cast<double>(barrel_zones);
+    if (!touches_melt || !zone.seen || !zone.report.sensor_good) continue;
+    coldest = std::min(coldest.value_or(zone.report.T_degC), zone.report.T_degC);
+  }
+  return coldest;
 }
 
 }  // namespace meltbench::machine

@@ -9,6 +9,7 @@
 #include "controller/machine/settings.hpp"
 #include "controller/machine/trouble.hpp"
 #include "controller/machine/zone_settings.hpp"
+#include "controller/machine/zone_tuning.hpp"
 #include "protocols/participant/participant.hpp"
 
 namespace meltbench::machine {
@@ -31,12 +32,17 @@ class ZoneControl {
   /// Set points and release, every kZoneReportPeriod; at once if the release has changed.
   void tell(Outbox& out);
 
+  [[nodiscard]] ZoneTuning& tuning() { return tuning_; }
+
   /// The set point of all barrel zones.
   void set_barrel(double T_degC);
   /// All zones are reported and within the band.
   [[nodiscard]] bool is_warm() const;
   /// Mean over the barrel zones; nothing while one of them is not known.
   [[nodiscard]] std::optional<double> T_barrel_degC() const;
+
+  /// Coldest barrel zone that reaches beyond `share` of the barrel's length; nothing while none is known.
+  [[nodiscard]] std::optional<double> T_coldest_beyond_degC(double share) const;
 
   [[nodiscard]] std::size_t zone_count() const { return zones_.size(); }
   [[nodiscard]] std::size_t channel(std::size_t zone) const { return zones_[zone].set.channel; }
@@ -62,6 +68,7 @@ class ZoneControl {
   std::uint8_t node_id_;
   unsigned syncs_per_report_;
   std::vector<Zone> zones_;
+  ZoneTuning tuning_;
   bool released_ = false;
   bool told_released_ = false;
   unsigned syncs_until_told_ = 0;

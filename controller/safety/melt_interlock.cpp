@@ -23,6 +23,9 @@ std::string describe_stale(std::string_view what, double coasted_m, const MeltLi
 
 MeltTrip judge(const MeltLimits& limits, const MeltObservation& seen) {
   if (calc_hottest_degC(seen) > limits.T_melt_degC + limits.max_superheat_K) return MeltTrip::kSuperheated;
+  if (seen.T_liquid_min_degC && *seen.T_liquid_min_degC < limits.T_melt_degC - limits.max_undercooling_K) {
+    return MeltTrip::kFreezing;
+  }
   if (seen.front_m < limits.min_length_m) return MeltTrip::kSolidLost;
   if (limits.length_m - seen.front_m < limits.min_length_m) return MeltTrip::kMeltLost;
   if (seen.front_coasted_m > limits.max_coasted_share * seen.front_m) return MeltTrip::kFrontStale;
@@ -36,6 +39,8 @@ std::string_view code_of(MeltTrip trip) {
       break;
     case MeltTrip::kSuperheated:
       return "superheated";
+    case MeltTrip::kFreezing:
+      return "melt-freezing";
     case MeltTrip::kSolidLost:
       return "solid-lost";
     case MeltTrip::kMeltLost:
@@ -56,6 +61,9 @@ std::string describe(MeltTrip trip, const MeltLimits& limits, const MeltObservat
     case MeltTrip::kSuperheated:
       return fmt::format("granules at {:.4g} C, melting point {:.4g} C, limit {:.3g} K above; they stick at the inlet",
                          calc_hottest_degC(seen), limits.T_melt_degC, limits.max_superheat_K);
+    case MeltTrip::kFreezing:
+      return fmt::format("melt at {:.4g} C, melting point {:.4g} C, limit {:.3g} K below; which zone has no power?",
+                         seen.T_liquid_min_degC.value_or(0.0), limits.T_melt_degC, limits.max_undercooling_K);
     case MeltTrip::kSolidLost:
       return fmt::format("melting front at {:.3g} mm: no granules are left in the barrel; is the inlet too hot?",
                          seen.front_m * kMmPerM);

@@ -16,6 +16,8 @@ struct MeltLimits {
   /// Inlet this far above the melting point: the granules stick. At the heat of fusion over the heat capacity, 20.6 K
   /// for polyethylene, the front would be blown out of the barrel.
   double max_superheat_K = 10.0;
+  /// Melt this far below the melting point: it freezes, blocks the nozzle and overloads the screw.
+  double max_undercooling_K = 10.0;
   double T_melt_degC = 135.0;
   double length_m = 0.1;         ///< L, inlet to nozzle.
   double min_length_m = 1.5e-3;  ///< Less than this of granules or of melt: the front has left the barrel.
@@ -26,14 +28,18 @@ struct MeltObservation {
   double front_m = 0.0;                ///< Newest one, or the model's while it is not measured.
   std::optional<double> T_inlet_degC;  ///< Newest one; nothing while it is not measured.
   double T_solid_max_degC = 0.0;       ///< Hottest place of the estimated granules.
-  double front_coasted_m = 0.0;        ///< Screw travel since the front was last measured.
-  double inlet_coasted_m = 0.0;        ///< And since the inlet temperature was.
+  /// Lower bound of the melt's temperature: the coldest of barrel behind the front and thermometer at the nozzle. Melt
+  /// between a front at T_m and warmer surroundings cannot be colder (maximum principle of (2), q_m >= 0).
+  std::optional<double> T_liquid_min_degC{};
+  double front_coasted_m = 0.0;  ///< Screw travel since the front was last measured.
+  double inlet_coasted_m = 0.0;  ///< And since the inlet temperature was.
 };
 
 /// Why control of the front must stop; kNone: it may go on.
 enum class MeltTrip : std::uint8_t {
   kNone,
   kSuperheated,  ///< (6) of [K19] is violated by more than the limit, measured or estimated.
+  kFreezing,     ///< (7) of [K19] may be violated by more than the limit.
   kSolidLost,
   kMeltLost,
   kFrontStale,

@@ -250,7 +250,8 @@ void Heater::follow_tuner(Channel& channel, std::size_t number, Instant at) {
     channel.od.band.set(std::max<std::int16_t>(to_count(result.proportional_band_K(), kPerDegree), 1));
     channel.od.integral.set(to_count(result.integral_s(), kPerSecond));
     channel.od.derivative.set(to_count(result.derivative_s(), kPerSecond));
-    channel.integral_Ks = 0;
+    // Without a bump: the new controller begins at what has held the zone.
+    channel.integral_Ks = result.mean_output * result.proportional_band_K() * result.integral_s();
     report(Severity::kInfo, at, "autotune-done",
            fmt::format("channel {}: ultimate gain {:.3g} %/K, period {:.3g} s", number + 1,
                        100 * result.ultimate_gain_1_per_K, result.ultimate_period_s));

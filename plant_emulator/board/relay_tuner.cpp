@@ -53,7 +53,7 @@ void RelayTuner::end_cycle(double t_s) {
   ++cycles_;
   if (cycles_ >= kFirstCycles + kLeastCycles && settled && amplitude_K > hysteresis_K_) {
     const double beyond_K = std::sqrt(amplitude_K * amplitude_K - hysteresis_K_ * hysteresis_K_);
-    result_ = {4.0 * d / (std::numbers::pi * beyond_K), period_s};
+    result_ = {4.0 * d / (std::numbers::pi * beyond_K), period_s, output_sum_s_ / period_s};
     state_ = State::kDone;
   } else if (cycles_ >= kFirstCycles + kMostCycles) {
     state_ = State::kFailed;

@@ -20,6 +20,7 @@ class RelayTuner {
   struct Result {
     double ultimate_gain_1_per_K = 0;  ///< Ku, output as a share of full power.
     double ultimate_period_s = 0;      ///< Pu.
+    double mean_output = 0;            ///< Over the last cycle: what holds the zone at its set point.
     [[nodiscard]] double proportional_band_K() const { return 1.0 / (0.45 * ultimate_gain_1_per_K); }
     [[nodiscard]] double integral_s() const { return 2.2 * ultimate_period_s; }
     [[nodiscard]] double derivative_s() const { return ultimate_period_s / 6.3; }

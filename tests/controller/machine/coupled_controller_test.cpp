@@ -217,6 +217,64 @@ TEST_CASE("Coupled controller: any doubt takes heat and flux away and feeds at t
   CHECK(rig.process.rev_per_s == Approx(1.5));
 }
 
+TEST_CASE("Coupled controller: a cold zone trips where it touches the melt, not before the front", "[machine]") {
+  FakeCoupledRig rig{make_started_settings()};
+  warm_up(rig);
+  REQUIRE(sequence_of(rig) == static_cast<double>(SequencePhase::kRunning));
+  CHECK(rig.signal("controller.liquid_margin_K") == Approx(12.0));
+  rig.heater.colder_K[0] = 30.0;  // Granules only, up to half of the barrel.
+  rig.run_for_s(8.5);
+  CHECK(rig.controller.state() == ControllerState::kRunning);
+  CHECK(rig.signal("controller.liquid_margin_K") == Approx(12.0));
+  rig.heater.colder_K[3] = 21.0;
+  rig.run_for_s(9.0);
+  CHECK(rig.signal("controller.liquid_margin_K") == Approx(-9.0));  // (7) may be violated, within the limit.
+  CHECK(rig.controller.state() == ControllerState::kRunning);
+  rig.heater.colder_K[3] = 22.2;
+  rig.run_for_s(9.5);
+  CHECK(rig.controller.state() == ControllerState::kSafe);
+  REQUIRE(rig.find_event("melt-freezing") != nullptr);
+  CHECK(rig.heater.release() == 0);
+}
+
+TEST_CASE("Coupled controller: a zone is tuned by the board when the timeline says so, and the outcome told",
+          "[machine]") {
+  ControllerSettings settings = make_started_settings();
+  settings.orders.push_back({.at = Instant{9s}, .kind = Order::Kind::kAutotune, .index = 2});
+  settings.orders.push_back({.at = Instant{9s}, .kind = Order::Kind::kAutotune, .index = 5});
+  FakeCoupledRig rig{settings};
+  warm_up(rig);
+  CHECK(rig.heater.od().at(0x2110, 2).get<std::uint8_t>() == 0);
+  rig.run_for_s(9.5);
+  CHECK(rig.heater.od().at(0x2110, 2).get<std::uint8_t>() == 1);
+  CHECK(rig.heater.od().at(0x2110, 5).get<std::uint8_t>() == 1);
+  CHECK(rig.find_event("autotune") != nullptr);
+  rig.heater.state = {0, 0x40, 0, 0, 0x40};
+  rig.run_for_s(10.5);
+  CHECK(rig.find_event("autotune-over") == nullptr);
+  rig.heater.state = {};
+  std::uint8_t state = 0;
+  std::string outcome;
+  SECTION("done") {
+    state = 2;
+    outcome = "zone 2: tuned; band 5.5 K, integral 60.0 s, derivative 4.0 s";
+  }
+  SECTION("failed") {
+    state = 3;
+    outcome = "zone 2: not tuned, the board keeps what it had; band 5.5 K";
+    rig.heater.node().raise_emcy(0xFF14, canopen::error_register::kGeneric);
+  }
+  rig.heater.od().at(0x2111, 2).set(state);
+  rig.heater.od().at(0x7450, 2).set(std::int16_t{55});
+  rig.heater.od().at(0x7452, 2).set(std::int16_t{600});
+  rig.heater.od().at(0x7454, 2).set(std::int16_t{40});
+  rig.run_for_s(11.5);
+  REQUIRE(rig.find_event("autotune-over") != nullptr);
+  CHECK_THAT(rig.find_event("autotune-over")->text, Contains(outcome));
+  CHECK(rig.find_event("autotune-over")->severity == (state == 2 ? Severity::kInfo : Severity::kWarning));
+  CHECK(rig.controller.state() == ControllerState::kRunning);  // What cannot be tuned goes on as before.
+}
+
 TEST_CASE("Coupled controller: doubt while the screw stands feeds nothing", "[machine]") {
   FakeCoupledRig rig{make_started_settings()};
   rig.run_for_s(1.5);

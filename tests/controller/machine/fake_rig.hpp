@@ -185,11 +185,15 @@ class FakeHeater : public FakeBoard {
   [[nodiscard]] int release() { return od().at(0x2000).get<std::uint8_t>(); }
   [[nodiscard]] double set_degC(std::uint8_t channel) { return 0.1 * od().at(0x7402, channel).get<std::int16_t>(); }
   std::array<std::uint8_t, 5> status{};
+  std::array<std::uint8_t, 5> state{};
+  std::array<double, 5> colder_K{};  ///< Than the process.
 
  private:
   void set_values() {
     for (std::uint8_t channel = 1; channel <= 5; ++channel) {
-      od().at(0x7130, channel).set(static_cast<std::int16_t>(std::lround(10.0 * process().T_zone_degC)));
+      od().at(0x7130, channel)
+          .set(static_cast<std::int16_t>(std::lround(10.0 * (process().T_zone_degC - colder_K[channel - 1U]))));
+      od().at(0x2102, channel).set(state[channel - 1U]);
       od().at(0x6150, channel).set(status[channel - 1U]);
       od().at(0x7410, channel).set(static_cast<std::int16_t>(std::lround(1000.0 * process().output)));
     }

@@ -41,6 +41,16 @@ TEST_CASE("Melt interlock: superheat trips whether it is measured or only estima
   CHECK(judge({}, seen) == MeltTrip::kSuperheated);
 }
 
+TEST_CASE("Melt interlock: melt that may freeze trips, beyond its limit only", "[safety]") {
+  MeltObservation seen = make_healthy();
+  seen.T_liquid_min_degC = 125.1;
+  CHECK(judge({}, seen) == MeltTrip::kNone);
+  seen.T_liquid_min_degC = 124.9;
+  CHECK(judge({}, seen) == MeltTrip::kFreezing);
+  CHECK_THAT(describe(MeltTrip::kFreezing, {}, seen), Contains("124.9 C") && Contains("limit 10 K below"));
+  CHECK(judge({.max_undercooling_K = 12.0}, seen) == MeltTrip::kNone);
+}
+
 TEST_CASE("Melt interlock: a front at an end of the barrel trips with what was lost", "[safety]") {
   MeltObservation seen = make_healthy();
   seen.front_m = 0.0014;
@@ -52,6 +62,7 @@ TEST_CASE("Melt interlock: a front at an end of the barrel trips with what was l
 
 TEST_CASE("Melt interlock: every trip has a code of its own", "[safety]") {
   CHECK(code_of(MeltTrip::kSuperheated) == "superheated");
+  CHECK(code_of(MeltTrip::kFreezing) == "melt-freezing");
   CHECK(code_of(MeltTrip::kSolidLost) == "solid-lost");
   CHECK(code_of(MeltTrip::kMeltLost) == "melt-lost");
   CHECK(code_of(MeltTrip::kFrontStale) == "front-stale");
