@@ -4,11 +4,12 @@
 
 #include <charconv>
 #include <iterator>
+#include <type_traits>
 
 namespace meltbench::tap {
 namespace {
 
-constexpr std::size_t kMaxMessage = 256;  // The longest that makes sense, "< send 1FFFFFFF 8 FF .. >", has 43.
+constexpr std::size_t kMaxMessage = 256;  // The longest that makes sense has 163: 9 negative numbers.
 constexpr std::string_view kBlank = " \t\r\n";
 
 /// Takes the first word off `text`; empty if there is none.
@@ -19,12 +20,19 @@ std::string_view take_word(std::string_view& text) {
   return word;
 }
 
-/// Reads a hexadecimal number of 1 to `max_digits` digits, and nothing else.
-std::optional<std::uint32_t> parse_hex(std::string_view word, std::size_t max_digits) {
-  std::uint32_t value = 0;
+/// Reads a hexadecimal number that fits T, or is a negative one of 32 or 64 bits whose low bits are meant.
+template <typename T>
+std::optional<T> parse_hex(std::string_view word) {
+  std::uint64_t value = 0;
   const char* const end = word.data() + word.size();
-  if (word.empty() || word.size() > max_digits || std::from_chars(word.data(), end, value, 16).ptr != end) return {};
-  return value;
+  const auto parsed = std::from_chars(word.data(), end, value, 16);
+  if (word.empty() || word.front() == '-' || parsed.ptr != end || parsed.ec != std::errc{}) return {};
+  const auto low = static_cast<T>(value);
+  const auto negative = static_cast<std::int64_t>(static_cast<std::make_signed_t<T>>(low));
+  const bool is_sign_extended =
+      negative < 0 && (value == static_cast<std::uint64_t>(negative) || value == static_cast<std::uint32_t>(negative));
+  if (value != low && !is_sign_extended) return {};
+  return low;
 }
 
 bool is_send(std::string_view message) {
@@ -36,17 +44,17 @@ bool is_send(std::string_view message) {
 std::optional<can::CanFrame> parse_send(std::string_view words) {
   constexpr std::size_t kIdDigits = 8;
   const std::string_view id_word = take_word(words);
-  const auto id = parse_hex(id_word, kIdDigits);
-  const auto length = parse_hex(take_word(words), 1);
+  const auto id = parse_hex<std::uint32_t>(id_word);
+  const auto length = parse_hex<std::uint8_t>(take_word(words));
   if (!id || !length || *length > can::kMaxClassicLength) return {};
   can::CanFrame frame;
   frame.id = *id & can::kMaxExtendedId;
-  frame.extended = id_word.size() == kIdDigits || frame.id > can::kMaxStandardId;
-  frame.length = static_cast<std::uint8_t>(*length);
+  frame.extended = id_word.size() >= kIdDigits || frame.id > can::kMaxStandardId;
+  frame.length = *length;
   for (std::size_t i = 0; i < frame.length; ++i) {
-    const auto byte = parse_hex(take_word(words), 2);
+    const auto byte = parse_hex<std::uint8_t>(take_word(words));
     if (!byte) return {};
-    frame.bytes[i] = static_cast<std::uint8_t>(*byte);
+    frame.bytes[i] = *byte;
   }
   if (!take_word(words).empty()) return {};
   return frame;

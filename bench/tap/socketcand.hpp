@@ -13,6 +13,7 @@
 /// and FD frames cannot be said in raw mode and are left out. What real clients need, tried with python-can 4.1.0:
 /// - It sends identifiers without leading zeros; SavvyCAN adds bit 31 to extended ones. So an identifier is extended if
 ///   it has 8 digits or does not fit 11 bits, and is cut to 29 bits.
+/// - SavvyCAN prints bytes from 80 on, and numbers with bit 31, as negative ones: FFFFFFFFFFFFFF80.
 /// - It loses a character behind what it has read: a line end follows each message of raw mode, as something to lose.
 /// - It compares "< hi >" and "< ok >" with all that it reads at once: nothing may follow them in the same packet.
 

@@ -70,23 +70,28 @@ TEST_CASE("socketcand: what python-can and SavvyCAN send arrives as they mean it
   Talk talk;
   talk.enter_raw_mode();
   const std::uint8_t read_device_type[] = {0x40, 0, 0x10, 0, 0, 0, 0, 0};
-  talk.hear("< send 605 8 40 0 10 0 0 0 0 0 >");            // python-can: no leading zeros, neither id nor data.
-  talk.hear("< send 80 0  >");                              // python-can: an empty frame.
-  talk.hear("< send 92345678 1 ff >");                      // SavvyCAN: bit 31 marks an extended id.
+  talk.hear("< send 605 8 40 0 10 0 0 0 0 0 >");  // python-can: no leading zeros, neither id nor data.
+  talk.hear("< send 80 0  >");                    // python-can: an empty frame.
+  talk.hear("< send 92345678 1 ff >");            // SavvyCAN: bit 31 marks an extended id.
+  talk.hear("< send ffffffff92345678 2 ffffffffffffff80 ffffffff >");  // SavvyCAN: negative, 64 or 32 bits wide.
   talk.hear("< send 00000123 1 FF >\r\n< send 12345 0 >");  // Eight digits, and one too large for eleven bits.
   CHECK(talk.answers.empty());
-  REQUIRE(talk.sent.size() == 5);
+  REQUIRE(talk.sent.size() == 6);
   CHECK(talk.sent[0] == can::make_frame(0x605, read_device_type));
   CHECK(talk.sent[1] == can::make_frame(0x080, {}));
   const std::uint8_t ff[] = {0xFF};
   CHECK(talk.sent[2] == make_extended(0x12345678, ff));
-  CHECK(talk.sent[3] == make_extended(0x123, ff));
-  CHECK(talk.sent[4] == make_extended(0x12345, {}));
+  const std::uint8_t negative[] = {0x80, 0xFF};
+  CHECK(talk.sent[3] == make_extended(0x12345678, negative));
+  CHECK(talk.sent[4] == make_extended(0x123, ff));
+  CHECK(talk.sent[5] == make_extended(0x12345, {}));
 }
 
 TEST_CASE("socketcand: what is no frame is refused, and the next one is understood", "[tap]") {
-  for (const char* const words : {"", "605", "605 9 1 2 3 4 5 6 7 8 9", "605 2 1", "605 1 100", "605 1 1 2",
-                                  "123456789 0", "60G 0", "605 -1", "605 1 -1"}) {
+  for (const char* const words :
+       {"", "605", "605 9 1 2 3 4 5 6 7 8 9", "605 2 1", "605 1 100", "605 1 1 2", "123456789 0", "ffffffff12345678 0",
+        "60G 0", "605 -1", "605 1 -1", "605 1 ffffffffffffff7f", "605 1 fffffff80", "605 ff80 0", "605 1 ffffffff0",
+        "100000605 0"}) {
     INFO(words);
     CHECK_FALSE(tap::parse_send(words).has_value());
     Talk talk;
