@@ -24,24 +24,24 @@ Polymer make_polymer(PolymerKind kind, double barrel_exchange_W_per_m3K) {
   if (kind == PolymerKind::kPla) {
     activation_J_per_mol = 85e3;
     melt.solid.conductivity_W_per_mK = 0.13;
-    melt.solid.density_kg_per_m3 = 1250.0;
+    melt.solid.density_kg_per_m3 = 1300.0;
     melt.solid.heat_capacity_J_per_kgK = 1800.0;
-    melt.liquid.conductivity_W_per_mK = 0.195;
+    melt.liquid.conductivity_W_per_mK = 0.13;
     melt.liquid.density_kg_per_m3 = 1240.0;
-    melt.liquid.heat_capacity_J_per_kgK = 2060.0;
+    melt.liquid.heat_capacity_J_per_kgK = 1800.0;
     melt.T_melt_degC = 160.0;
-    melt.heat_of_fusion_J_per_kg = 34500.0;
+    melt.heat_of_fusion_J_per_kg = 32700.0;
   }
   if (kind == PolymerKind::kLdpe) {
     activation_J_per_mol = 49e3;
-    melt.solid.conductivity_W_per_mK = 0.3375;
-    melt.solid.density_kg_per_m3 = 915.0;
-    melt.solid.heat_capacity_J_per_kgK = 2772.0;
-    melt.liquid.conductivity_W_per_mK = 0.1817;
-    melt.liquid.density_kg_per_m3 = 852.7;
-    melt.liquid.heat_capacity_J_per_kgK = 2596.0;
+    melt.solid.conductivity_W_per_mK = 0.36;
+    melt.solid.density_kg_per_m3 = 920.0;
+    melt.solid.heat_capacity_J_per_kgK = 2300.0;
+    melt.liquid.conductivity_W_per_mK = 0.36;
+    melt.liquid.density_kg_per_m3 = 855.0;
+    melt.liquid.heat_capacity_J_per_kgK = 2300.0;
     melt.T_melt_degC = 110.0;
-    melt.heat_of_fusion_J_per_kg = 129800.0;
+    melt.heat_of_fusion_J_per_kg = 142800.0;
   }
   return {melt, make_viscosity(melt.T_melt_degC, activation_J_per_mol)};
 }

@@ -27,14 +27,8 @@ struct Polymer {
   Viscosity viscosity;  ///< 1000 Pa s at T_m + 10 K for all of them: neither paper has one, and grades differ more.
 };
 
-/// | kind | source of the thermal figures                                       | of the viscosity's decay E/(R
-/// T_ref^2)     |
-/// |------|---------------------------------------------------------------------|--------------------------------------------|
-/// | HDPE | [K19] Table 1                                                       | E = 27 kJ/mol, [K76] | | PLA  | melt
-/// density 1240 kg/m³ of [D17]; heat capacities and conductivities | E = 85 kJ/mol, [K76] for polyesters        | | |
-/// of [F16]; heat of fusion: 37 % of the crystal's 93 kJ/kg, ibid.     |                                            |
-/// | LDPE | [TK70], the resin of its melting experiments                        | E = 49 kJ/mol, [K76] | The keys are
-/// those of MODEL.md. @param barrel_exchange_W_per_m3K  hbar of both phases; belongs to the machine.
+/// Polymer of a kind; where the figures come from is in MODEL.md Part 3, "Polymers".
+/// @param barrel_exchange_W_per_m3K  hbar of both phases; belongs to the machine.
 [[nodiscard]] Polymer make_polymer(PolymerKind kind, double barrel_exchange_W_per_m3K);
 
 }  // namespace meltbench::plant

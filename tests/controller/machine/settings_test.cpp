@@ -213,7 +213,7 @@ TEST_CASE("Controller settings: a coupled rig has both loops, its length from on
   CHECK(settings.melt->model.length_m == 0.2);
   CHECK(settings.melt->model.solid.barrel_exchange_W_per_m3K == 9e4);
   CHECK(settings.melt->model.T_melt_degC == 110.0);
-  CHECK(settings.model.mass_per_length_kg_per_m == Approx(852.7 * 2.2383097e-4));
+  CHECK(settings.model.mass_per_length_kg_per_m == Approx(855.0 * 2.2383097e-4));
   CHECK(settings.viscosity.per_K == Approx(49e3 / (8.314 * 393.15 * 393.15)));
   CHECK(settings.viscosity.at_degC == 120.0);
   REQUIRE(settings.zones->zones.size() == 3);
