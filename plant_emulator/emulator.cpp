@@ -76,6 +76,7 @@ Emulator::Emulator(const EmulatorSettings& settings, std::uint64_t seed)
   for (const BoardSettings& board : settings.boards) {
     if (board.line.empty()) {
       devices_.push_back(boards_.emplace_back(make_board(board, seed, *plant_)).get());
+      nodes_.push_back(board.name);
     } else {
       devices_.push_back(&serial_.add(make_rtu_board(board, seed, *plant_), board.line));
     }
@@ -91,6 +92,7 @@ void Emulator::wake(const Wakeup& in, Outbox& out) {
   frames_.clear();
   senders_.clear();
   told_ = 0;
+  wire_tells_ = !in.nodes.empty();
   if (!started_) start();
   serial_.on_lines(in.lines);
   take_arrivals(in);
@@ -100,7 +102,7 @@ void Emulator::wake(const Wakeup& in, Outbox& out) {
   plant_->settle(now_);
   for (board::Device* device : devices_) device->settle(now_);
 
-  for (const can::CanFrame& frame : frames_) out.send(frame);
+  send_all(out);
   serial_.write_answers(out);
   report_boards(out);
   if (knows_truth_) plant_->report(now_, out);
@@ -124,10 +126,17 @@ void Emulator::take_arrivals(const Wakeup& in) {
   for (const can::StampedFrame& stamped : in.frames) {
     take_serial_before(stamped.at);
     come_to(stamped.at);
-    deliver(stamped.frame);
+    deliver(stamped.frame, in.nodes);
     advance(now_);  // What the frame has changed without latency.
   }
   take_serial_before(Instant::never());
+}
+
+void Emulator::send_all(Outbox& out) const {
+  for (std::size_t i = 0; i < frames_.size(); ++i) {
+    out.speak_as(static_cast<std::uint8_t>(senders_[i]));
+    out.send(frames_[i]);
+  }
 }
 
 void Emulator::start() {
@@ -140,8 +149,9 @@ void Emulator::start() {
   tell_others();
 }
 
-void Emulator::deliver(const can::CanFrame& frame) {
+void Emulator::deliver(const can::CanFrame& frame, std::span<const can::ErrorState> states) {
   for (std::size_t i = 0; i < boards_.size(); ++i) {
+    if (i < states.size() && states[i] == can::ErrorState::kBusOff) continue;
     boards_[i]->on_frame(now_, frame, frames_);
     mark_sender(i);
   }
@@ -191,6 +201,7 @@ void Emulator::mark_sender(std::size_t board) {
 
 /// The boards share a wire: what one sends the others hear.
 void Emulator::tell_others() {
+  if (wire_tells_) return;
   for (; told_ < frames_.size(); ++told_) {
     const std::size_t sender = senders_[told_];
     const can::CanFrame frame = frames_[told_];  // A copy: answers may move the vector.

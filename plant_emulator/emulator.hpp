@@ -52,7 +52,8 @@ struct EmulatorSettings {
 ///
 /// It is woken for what can be seen on the bus only. Samples and actuations in between are caught up on: the plant is
 /// advanced to each of their instants exactly, feed and screw speed held between. Boards hear each other's frames at
-/// the instant of their sending.
+/// the instant of their sending, or from the bus if that tells the states of nodes: it then carries frames between
+/// them, and a board that is bus-off hears none. (A board then also gets its own frames back, and has no use for them.)
 ///
 /// Real time: no allocation in the steady state; a SYNC answered by three boards costs about 1 us.
 class Emulator final : public Participant {
@@ -64,6 +65,8 @@ class Emulator final : public Participant {
 
   [[nodiscard]] std::string_view name() const override { return "plant"; }
   [[nodiscard]] std::span<const std::string> lines() const override { return serial_.line_names(); }
+  /// Its boards on CAN.
+  [[nodiscard]] std::span<const std::string> nodes() const override { return nodes_; }
   void wake(const Wakeup& in, Outbox& out) override;
 
   /// plant.*, melt.*, barrel.*: the model's own truth, which no board shows; not offered beside real boards, of which
@@ -74,7 +77,8 @@ class Emulator final : public Participant {
  private:
   void start();
   void take_arrivals(const Wakeup& in);
-  void deliver(const can::CanFrame& frame);
+  void deliver(const can::CanFrame& frame, std::span<const can::ErrorState> states);
+  void send_all(Outbox& out) const;
   void run_timers_before(Instant limit);
   void advance(Instant to);
   void mark_sender(std::size_t board);
@@ -85,7 +89,8 @@ class Emulator final : public Participant {
   std::unique_ptr<Plant> plant_;
   std::size_t truth_count_;  // Signals of the plant that are offered.
   bool knows_truth_;
-  std::vector<std::unique_ptr<board::Board>> boards_;  // On CAN.
+  std::vector<std::unique_ptr<board::Board>> boards_;  // On CAN,
+  std::vector<std::string> nodes_;                     // and their names.
   SerialBoards serial_;
   std::vector<board::Device*> devices_;  // All of them, in the order of the rig.
   std::vector<SignalInfo> signals_;
@@ -96,6 +101,7 @@ class Emulator final : public Participant {
   canopen::Frames frames_;            // Sent in this wake-up,
   std::vector<std::size_t> senders_;  // by this board,
   std::size_t told_ = 0;              // and so many of them the other boards have heard.
+  bool wire_tells_ = false;           // The bus knows the boards apart: it carries frames between them, too.
 };
 
 }  // namespace meltbench::emulator

@@ -12,6 +12,7 @@
 
 namespace meltbench::bus {
 
+class BitTimedMedium;
 class SerialLine;
 
 /// What an intervention can do to a run.
@@ -26,6 +27,8 @@ class RunControl {
   virtual void plug_line(std::size_t participant, std::uint8_t own_line, bool in) = 0;
   /// A serial line of the run, to give it a fault; null if there is none of that name.
   [[nodiscard]] virtual SerialLine* find_line(std::string_view name) = 0;
+  /// The bit-timed bus, to give it faults; null on the ideal bus.
+  [[nodiscard]] virtual BitTimedMedium* medium() = 0;
 };
 
 /// Sees every frame after it has crossed the bus and before anybody gets it, and every recorded row.

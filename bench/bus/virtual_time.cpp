@@ -39,6 +39,12 @@ std::vector<std::span<const std::string>> lines_of(std::span<runtime::Participan
   return lines;
 }
 
+std::vector<BitTimedMedium::Member> members_of(std::span<runtime::ParticipantPort* const> ports) {
+  std::vector<BitTimedMedium::Member> members;
+  for (const runtime::ParticipantPort* port : ports) members.push_back({port->name(), port->nodes()});
+  return members;
+}
+
 }  // namespace
 
 VirtualTime::VirtualTime(std::span<runtime::ParticipantPort* const> ports, Nanos record_period, RunObserver& observer,
@@ -48,6 +54,7 @@ VirtualTime::VirtualTime(std::span<runtime::ParticipantPort* const> ports, Nanos
       outside_{media.outside},
       intervention_{media.intervention},
       lines_{media.lines, lines_of(ports)} {
+  if (media.bit_timed) medium_ = std::make_unique<BitTimedMedium>(*media.bit_timed, members_of(ports), *this);
   for (runtime::ParticipantPort* port : ports) {
     Party party;
     party.port = port;
@@ -62,13 +69,18 @@ RunOutcome VirtualTime::run(Nanos duration) {
   while (true) {
     const std::size_t number = choose_next();
     const Instant due = std::max(now_, next_wake(parties_[number]));
-    const Instant next = std::min({due, lines_.next_delivery(), std::max(now_, next_intervention())});
+    const Instant others = std::min({due, lines_.next_delivery(), std::max(now_, next_intervention())});
+    const Instant next = std::min(others, next_on_bus());
     if (next > Instant{duration}) break;
     if (next > now_) {
       if (runtime::stop_requested())
         return end(RunOutcome::Kind::kInterrupted, lost_text({}, PortStatus::kInterrupted, now_));
       advance_to(next);
       if (admit_outside()) continue;  // Everybody has something to read: who is first is chosen anew.
+    }
+    if (next < others) {
+      medium_->advance(now_);
+      continue;
     }
     if (next_intervention() <= now_) {
       intervention_->on_time(now_, *this);
@@ -113,7 +125,7 @@ void VirtualTime::post_order(std::size_t participant, std::string order) {
 }
 
 Instant VirtualTime::next_wake(const Party& party) {
-  if (!party.orders.empty() || party.line_changed) return Instant{};
+  if (!party.orders.empty() || party.line_changed || party.node_changed) return Instant{};
   if (party.wake_on == WakeOn::kDeadlineOnly) return party.deadline;
   if (!party.inbox.empty() || !party.serial.empty()) return Instant{};
   return std::min(party.deadline, party.next_record);
@@ -140,10 +152,12 @@ PortStatus VirtualTime::wake(std::size_t number) {
                   .frames = taken_,
                   .serial = party.serial.arrivals(),
                   .lines = lines_.states(number),
+                  .nodes = medium_ ? medium_->states(number) : std::span<const can::ErrorState>{},
                   .orders = taken_orders_};
   const PortStatus status = party.port->wake(in, out_, signals);
   party.serial.clear();
   party.line_changed = false;
+  party.node_changed = false;
   if (status != PortStatus::kOk) return status;
   // A deadline that has passed would hold the time: the participant is asked again at the next nanosecond.
   party.deadline = std::max(out_.deadline(), now_ + 1ns);
@@ -154,7 +168,11 @@ PortStatus VirtualTime::wake(std::size_t number) {
 
 void VirtualTime::carry(std::size_t sender) {
   for (const Event& event : out_.events()) observer_.on_event(sender, event);
-  for (const can::CanFrame& frame : out_.frames()) put_on_bus(frame, sender);
+  if (medium_) {
+    queue(sender);
+  } else {
+    for (const can::CanFrame& frame : out_.frames()) put_on_bus(frame, sender);
+  }
   for (const SerialPiece& piece : out_.serial()) lines_.write(now_, sender, piece.line, out_.serial_bytes(piece));
 }
 
@@ -163,12 +181,45 @@ void VirtualTime::put_on_bus(const can::CanFrame& frame, std::size_t sender) {
 }
 
 void VirtualTime::deliver(const can::CanFrame& frame, std::size_t sender) {
+  give(frame, sender, sender < parties_.size() ? ~(std::uint64_t{1} << sender) : ~std::uint64_t{0});
+}
+
+void VirtualTime::give(const can::CanFrame& frame, std::size_t sender, std::uint64_t heard_by) {
   const can::StampedFrame stamped{now_, frame};
   observer_.on_frame(stamped, sender);
   if (outside_ != nullptr) outside_->show(stamped, sender);
   for (std::size_t number = 0; number < parties_.size(); ++number) {
-    if (number != sender) parties_[number].inbox.push_back(stamped);
+    if (((heard_by >> number) & 1U) != 0) parties_[number].inbox.push_back(stamped);
   }
+}
+
+/// Hands what a participant sends to its nodes on the bit-timed bus.
+void VirtualTime::queue(std::size_t sender) {
+  const auto frames = out_.frames();
+  auto mark = out_.senders().begin();
+  std::size_t node = 0;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    for (; mark != out_.senders().end() && mark->first <= i; ++mark) node = mark->node;
+    medium_->send(now_, sender, node, frames[i]);
+  }
+}
+
+void VirtualTime::on_crossed(const can::StampedFrame& frame, std::size_t sender, std::uint64_t heard_by) {
+  if (intervention_ == nullptr || intervention_->on_frame(frame, sender, *this)) give(frame.frame, sender, heard_by);
+}
+
+void VirtualTime::on_error_frame(const can::StampedFrame& error, std::size_t participant) {
+  observer_.on_frame(error, participant);
+  if (outside_ != nullptr) outside_->show(error, participant);
+}
+
+void VirtualTime::on_node_state(std::size_t participant, const Event& event) {
+  if (participant < parties_.size()) parties_[participant].node_changed = true;
+  observer_.on_event(kOutsideSender, event);
+}
+
+Instant VirtualTime::next_on_bus() const {
+  return medium_ ? std::max(now_, medium_->next_event()) : Instant::never();
 }
 
 Instant VirtualTime::next_intervention() const {
@@ -190,8 +241,10 @@ bool VirtualTime::admit_outside() {
   outside_->exchange(kMaxOutsideFramesAtOnce, from_outside_);
   if (from_outside_.empty()) return false;
   if (!std::exchange(outside_has_sent_, true)) observer_.on_event(kTapSender, make_outside_event(now_));
-  for (const can::CanFrame& frame : from_outside_) put_on_bus(frame, kTapSender);
-  return true;
+  for (const can::CanFrame& frame : from_outside_) {
+    medium_ ? medium_->send_from_outside(now_, frame) : put_on_bus(frame, kTapSender);
+  }
+  return !medium_;
 }
 
 void VirtualTime::write_rows_before(Instant now) {
@@ -202,7 +255,7 @@ void VirtualTime::write_rows_before(Instant now) {
 }
 
 RunOutcome VirtualTime::end(RunOutcome::Kind kind, std::string text) const {
-  return RunOutcome{kind, std::move(text), now_, 0};
+  return RunOutcome{kind, std::move(text), now_, medium_ ? medium_->lost_frames() : 0};
 }
 
 }  // namespace meltbench::bus

@@ -1,9 +1,11 @@
 #pragma once
 
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "bench/bus/bit_timed_medium.hpp"
 #include "bench/bus/intervention.hpp"
 #include "bench/bus/outside.hpp"
 #include "bench/bus/run_observer.hpp"
@@ -22,19 +24,23 @@ struct RunMedia {
   Outside* outside = nullptr;
   /// Stands between the bus and the participants; outlives the run. Null: nobody does.
   Intervention* intervention = nullptr;
+  /// The CAN bus in bit times; nothing: the ideal bus.
+  std::optional<BitTimedSettings> bit_timed{};
 };
 
-/// Runs participants in virtual time on an ideal bus: frames cross at once, computing takes no time.
+/// Runs participants in virtual time: computing takes none. On the ideal bus frames cross at once, too; on the
+/// bit-timed bus as BitTimedMedium has it.
 ///
 /// Exactly one participant runs at a time: the one whose next instant is the earliest, and of several the one with the
-/// lowest number. A frame reaches everybody but its sender at the instant of its sending. So equal participants with
+/// lowest number; the bit-timed bus goes on when nobody has anything left to do at an instant. On the ideal bus a frame
+/// reaches everybody but its sender at the instant of its sending. So equal participants with
 /// equal seeds give equal runs, to the last bit, whether they are objects of this process or processes of their own.
 ///
 /// Every participant is woken at least at each multiple of the record period, so that a row holds what is true then
 /// (unless it asked for kDeadlineOnly).
 ///
 /// Bytes on a serial line take their time: see SerialLine.
-class VirtualTime final : private RunControl {
+class VirtualTime final : private RunControl, private MediumListener {
  public:
   /// @param ports  participants in the order of their numbers; they and the observer outlive this object.
   /// @pre record_period > 0.
@@ -56,6 +62,8 @@ class VirtualTime final : private RunControl {
   void plug_line(std::size_t participant, std::uint8_t own_line, bool in) override;
   /// A serial line of the run, to give it a fault; null if there is none of that name.
   [[nodiscard]] SerialLine* find_line(std::string_view name) override { return lines_.find(name); }
+  /// The bit-timed bus, for its counters and to give it faults during run(); null on the ideal bus.
+  [[nodiscard]] BitTimedMedium* medium() override { return medium_.get(); }
 
  private:
   struct Party {
@@ -64,6 +72,7 @@ class VirtualTime final : private RunControl {
     SerialInbox serial;
     std::vector<std::string> orders;
     bool line_changed = false;
+    bool node_changed = false;
     Instant deadline{};
     WakeOn wake_on = WakeOn::kArrivalOrDeadline;
     Instant next_record{};
@@ -76,6 +85,12 @@ class VirtualTime final : private RunControl {
   [[nodiscard]] runtime::PortStatus wake(std::size_t number);
   void carry(std::size_t sender);
   void put_on_bus(const can::CanFrame& frame, std::size_t sender);
+  void queue(std::size_t sender);
+  void on_crossed(const can::StampedFrame& frame, std::size_t sender, std::uint64_t heard_by) override;
+  void on_error_frame(const can::StampedFrame& error, std::size_t participant) override;
+  void on_node_state(std::size_t participant, const Event& event) override;
+  void give(const can::CanFrame& frame, std::size_t sender, std::uint64_t heard_by);
+  [[nodiscard]] Instant next_on_bus() const;
   void deliver(const can::CanFrame& frame, std::size_t sender) override;
   [[nodiscard]] Instant next_intervention() const;
   [[nodiscard]] bool admit_outside();
@@ -92,6 +107,7 @@ class VirtualTime final : private RunControl {
   std::vector<can::CanFrame> from_outside_;
   bool outside_has_sent_ = false;
   SerialLines lines_;
+  std::unique_ptr<BitTimedMedium> medium_;  // Null: the ideal bus.
   Instant now_{};
   Instant next_row_{};
   std::vector<double> values_;

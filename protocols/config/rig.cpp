@@ -35,6 +35,33 @@ bool is_part_name(std::string_view name) {
   });
 }
 
+std::uint32_t read_data_bit_rate(const Section& bus, std::uint32_t bit_rate_bit_per_s) {
+  if (!bus.has("data_bit_rate_kbit_per_s")) return bit_rate_bit_per_s;
+  static constexpr std::array<std::int64_t, 6> kRates_kbit_per_s{500, 1000, 2000, 4000, 5000, 8000};
+  const std::int64_t rate = bus.integer("data_bit_rate_kbit_per_s");
+  const bool known = std::find(kRates_kbit_per_s.begin(), kRates_kbit_per_s.end(), rate) != kRates_kbit_per_s.end();
+  if (!known || rate * 1000 < bit_rate_bit_per_s) {
+    bus.fail("data_bit_rate_kbit_per_s", "must be one of 500, 1000, 2000, 4000, 5000, 8000, and not below the bit rate",
+             "the rate of the data phase of CAN FD frames");
+  }
+  return static_cast<std::uint32_t>(rate * 1000);
+}
+
+void read_bit_timing(const Section& bus, RigBus& result) {
+  result.fidelity = bus.choice_or<BusFidelity>("fidelity", BusFidelity::kIdeal,
+                                               {{"ideal", BusFidelity::kIdeal}, {"bit-timed", BusFidelity::kBitTimed}});
+  for (const char* key : {"data_bit_rate_kbit_per_s", "tx_queue", "tx_order", "restart_ms"}) {
+    if (result.fidelity == BusFidelity::kIdeal && bus.has(key)) {
+      bus.fail(key, "means nothing on an ideal bus", "add fidelity = \"bit-timed\", or take this key out");
+    }
+  }
+  result.data_bit_rate_bit_per_s = read_data_bit_rate(bus, result.bit_rate_bit_per_s);
+  result.tx_queue = static_cast<std::size_t>(bus.integer_or("tx_queue", 10, between(1, 1000)));
+  result.tx_order = bus.choice_or<RigTxOrder>("tx_order", RigTxOrder::kPriority,
+                                              {{"priority", RigTxOrder::kPriority}, {"fifo", RigTxOrder::kFifo}});
+  if (bus.has("restart_ms")) result.restart_after = bus.duration("restart_ms", between(0, 60'000));
+}
+
 RigBus read_bus(const Section& bus) {
   RigBus result;
   static constexpr std::array<std::int64_t, 8> kRates_kbit_per_s{10, 20, 50, 125, 250, 500, 800, 1000};
@@ -45,6 +72,7 @@ RigBus read_bus(const Section& bus) {
   }
   result.bit_rate_bit_per_s = static_cast<std::uint32_t>(rate * 1000);
   result.sync_period = bus.duration_or("sync_period_ms", 10, between(0.1, 10'000));
+  read_bit_timing(bus, result);
   return result;
 }
 

@@ -14,6 +14,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -29,10 +30,25 @@ inline constexpr std::size_t kBoardKinds = 6;
 /// "feeder", "screw_drive", "melt_pressure", "heater", "preconditioner", "melt_camera".
 [[nodiscard]] std::string_view name_of(BoardKind kind);
 
+/// How true the embedded bus is. A kernel's bus is what it is.
+enum class BusFidelity : std::uint8_t {
+  kIdeal,     ///< Frames cross at once.
+  kBitTimed,  ///< Frames take their bits, with arbitration, queues and errors.
+};
+/// In which order a node offers its frames: by identifier, as mailboxes do, or as they were queued.
+enum class RigTxOrder : std::uint8_t { kPriority, kFifo };
+
 struct RigBus {
   std::uint32_t bit_rate_bit_per_s =
       500'000;                    ///< bit_rate_kbit_per_s: one of CiA 301's 10, 20, 50, 125, 250, 500, 800, 1000.
   Nanos sync_period{10'000'000};  ///< sync_period_ms: 0.1..10000, default 10.
+  BusFidelity fidelity = BusFidelity::kIdeal;  ///< fidelity: "ideal" (default) or "bit-timed"; the rest is for that.
+  /// data_bit_rate_kbit_per_s: of FD frames with bit rate switch, one of 500, 1000, 2000, 4000, 5000, 8000 and not
+  /// below the bit rate; default: the bit rate.
+  std::uint32_t data_bit_rate_bit_per_s = 500'000;
+  std::size_t tx_queue = 10;                    ///< tx_queue: frames that a node can hold, 1..1000, default 10.
+  RigTxOrder tx_order = RigTxOrder::kPriority;  ///< tx_order: "priority" (default) or "fifo".
+  std::optional<Nanos> restart_after{};         ///< restart_ms: 0..60000; without it bus-off lasts.
 };
 
 /// A serial line between the controller and boards, [line.NAME].
