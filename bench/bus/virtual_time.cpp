@@ -54,7 +54,8 @@ VirtualTime::VirtualTime(std::span<runtime::ParticipantPort* const> ports, Nanos
       outside_{media.outside},
       intervention_{media.intervention},
       lines_{media.lines, lines_of(ports)} {
-  if (media.bit_timed) medium_ = std::make_unique<BitTimedMedium>(*media.bit_timed, members_of(ports), *this);
+  MediumListener& self = *this;
+  if (media.bit_timed) medium_ = std::make_unique<BitTimedMedium>(*media.bit_timed, members_of(ports), self);
   for (runtime::ParticipantPort* port : ports) {
     Party party;
     party.port = port;

@@ -157,8 +157,9 @@ bus::RunOutcome run_in_virtual_time(const PreparedRun& prepared, const RunReques
   Progress progress{prepared.run.label(), prepared.run.duration, request.quiet};
   Observer observer{*recorder, progress};
   Injection faults{prepared.faults, prepared.run.seed, to_pointers(ports), observer};
-  const bus::RunMedia media{
-      .lines = prepared.run.rig.lines, .outside = outside, .intervention = &faults.injector()};
+  bus::RunMedia media{.lines = prepared.run.rig.lines, .outside = outside, .intervention = &faults.injector()};
+  const config::RigBus& can = prepared.run.rig.bus;
+  if (can.fidelity == config::BusFidelity::kBitTimed) media.bit_timed = bus::to_settings(can);
   return bus::VirtualTime{faults.ports(), prepared.run.record_period, observer, media}.run(prepared.run.duration);
 }
 

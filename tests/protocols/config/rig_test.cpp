@@ -212,3 +212,22 @@ TEST_CASE("Rig: mistakes about serial lines are told", "[config]") {
                               "unit = 1\n[board.zone]\nkind = \"heater\"\nline = \"hopper\"\nunit = 1\n"),
              Contains("already taken by board.feeder"));
 }
+
+TEST_CASE("Rig: [bus] says how true the embedded bus is, and its keys are refused on an ideal one", "[config]") {
+  const RigFolder folder;
+  const auto read = [&](const std::string& bus) { return read_rig(folder.root(kRig + "[bus]\n" + bus)).bus; };
+  CHECK(read("").fidelity == BusFidelity::kIdeal);
+  const RigBus bus = read(
+      "fidelity = \"bit-timed\"\nbit_rate_kbit_per_s = 250\ntx_queue = 3\ntx_order = \"fifo\"\nrestart_ms = 100\n");
+  CHECK(bus.fidelity == BusFidelity::kBitTimed);
+  CHECK(bus.tx_queue == 3);
+  CHECK(bus.tx_order == RigTxOrder::kFifo);
+  CHECK(bus.restart_after == std::optional{Nanos{100ms}});
+  CHECK(bus.data_bit_rate_bit_per_s == 250'000);
+  CHECK_THAT(folder.complaint(kRig + "[bus]\ntx_queue = 3\n"), Contains("bus.tx_queue") && Contains("ideal"));
+  CHECK_THAT(folder.complaint(kRig + "[bus]\nfidelity = \"exact\"\n"), Contains("bit-timed"));
+  CHECK_THAT(folder.complaint(kRig + "[bus]\nfidelity = \"bit-timed\"\ntx_queue = 0\n"), Contains("tx_queue"));
+  CHECK_THAT(folder.complaint(kRig + "[bus]\nfidelity = \"bit-timed\"\nbit_rate_kbit_per_s = 1000\n"
+                                     "data_bit_rate_kbit_per_s = 500\n"),
+             Contains("data_bit_rate_kbit_per_s"));
+}
