@@ -50,7 +50,7 @@ struct PlantReading {
 /// - T_inlet0_degC              < T_m (T_m - 20)          for start = linear
 /// - discretisation             third_order | scharfetter_gummel | coarse_two_point (third_order)
 /// - solid_cells, liquid_cells  8..2000 (100, 40)
-/// - max_travel_m               > 0 (1e-4)                a step of the solver conveys at most so much
+/// - max_travel_m               > 0 (1e-4)                an Euler step conveys at most so much, two stages 5 x
 ///
 /// [plant] kind = "coupled": the keys of "bizone" (delay_model transport only; density and viscosity from the material,
 /// fluctuation_case none by default, x0_m at nominal_x_m or, cold, 0, nominal_x_m 0.08), those of "melt" that are not

@@ -268,4 +268,10 @@ TEST_CASE("Controller settings: the timeline speaks to front, screw, zones and s
   CHECK_THAT(complain(make_coupled_rig(event("material", "name = \"wood\"\n"))).what, Contains("wood"));
   CHECK_THAT(complain(make_melt_rig("front_set_point_m = 0.05\n", event("set_point", "value = 0.1\n"))).what,
              Contains("filled length"));
+
+  CHECK(read(make_coupled_rig(event("autotune", "zone = 2\n"))).orders.at(0).index == 2);
+  CHECK_THAT(complain(make_coupled_rig(event("autotune", "zone = 4\n"))).what, Contains("not heated"));
+  CHECK_THAT(complain(make_coupled_rig(event("autotune", "zone = 6\n"))).what, Contains("zone = 6"));
+  CHECK_THAT(complain(make_melt_rig("front_set_point_m = 0.05\n", event("autotune", "zone = 1\n"))).what,
+             Contains("heated zones"));
 }
