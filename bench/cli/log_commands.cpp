@@ -7,9 +7,7 @@
 #include "bench/log/log_writer.hpp"
 
 namespace meltbench::cli {
-namespace {
-
-void print_warnings(const log::LogReader& reader, const std::filesystem::path& path) {
+void print_log_warnings(const log::LogReader& reader, const std::filesystem::path& path) {
   for (const log::LogWarning& warning : reader.warnings()) {
     fmt::print(stderr, "warning: {}:{}: {}\n", path.string(), warning.line, warning.text);
   }
@@ -17,8 +15,6 @@ void print_warnings(const log::LogReader& reader, const std::filesystem::path& p
     fmt::print(stderr, "warning: and {} more\n", reader.warning_count() - reader.warnings().size());
   }
 }
-
-}  // namespace
 
 ExitStatus convert_log(const std::filesystem::path& from, const std::filesystem::path& to) {
   std::error_code none;
@@ -30,7 +26,7 @@ ExitStatus convert_log(const std::filesystem::path& from, const std::filesystem:
   log::LogEntry entry;
   while (reader->next(entry)) writer->write(entry, reader->channels()[entry.channel]);
   writer->finish();
-  print_warnings(*reader, from);
+  print_log_warnings(*reader, from);
   if (to != "-") fmt::print("{} frames: {}\n", reader->frames(), to.string());
   return ExitStatus::kHeld;
 }

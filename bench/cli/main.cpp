@@ -11,6 +11,7 @@
 #include "bench/cli/doctor_command.hpp"
 #include "bench/cli/list_command.hpp"
 #include "bench/cli/log_commands.hpp"
+#include "bench/cli/replay_command.hpp"
 #include "bench/cli/report_command.hpp"
 #include "bench/cli/run_command.hpp"
 #include "bench/cli/version.hpp"
@@ -45,6 +46,7 @@ struct Words {
   std::vector<std::filesystem::path> folders;
   std::filesystem::path page;
   std::filesystem::path scenario;
+  cli::ReplayRequest replay;
   std::filesystem::path from;
   std::filesystem::path to;
 };
@@ -81,6 +83,29 @@ CLI::App* add_run_command(CLI::App& app, Words& words) {
       "Exit status: 0 all checks held, 1 a check failed, 2 bad usage or file, 3 a process or link was lost\n"
       "Example: meltbench run fixtures/scenarios/delay_compensation.toml --out first");
   return run;
+}
+
+void add_replay_command(CLI::App& app, cli::ReplayRequest& request) {
+  CLI::App* replay =
+      app.add_subcommand("replay", "Play a recorded log: onto a bus, to the controller, or to the boards");
+  replay->add_option("log", request.log, "A log (candump, ASC, BLF, gzip), or a run's folder")->required();
+  replay->add_option("--channel", request.channel, "Channel of the log  (default: that of the first frame)");
+  replay->add_option("--can", request.can, "Send all frames at their recorded times on this kernel interface");
+  replay->add_option("--speed", request.speed, "With --can: so many times as fast")->default_str("1");
+  replay->add_option("--loop", request.loops, "With --can: so many times; 0 = until Ctrl-C")->default_str("1");
+  replay->add_option("--only", request.only, "With --can: ID or ID/MASK in hexadecimal; may be given several times");
+  replay->add_option("--rename", request.renames, "With --can: OLD=NEW identifier in hexadecimal");
+  replay->add_option("--to", request.to,
+                     "controller | boards: play the other side to ours in virtual time, and compare its answers");
+  replay->add_option("--scenario", request.scenario,
+                     "With --to: rig and settings  (default: repro.toml beside the log)");
+  replay->add_option("--time-tolerance", request.time_tolerance_ms, "With --to: of an answer, in ms")->default_str("1");
+  replay->add_option("--tolerance", request.value_tolerances,
+                     "With --to: BOARD.INDEX:SUB=VALUE, by how much an object in a PDO may differ; several");
+  replay->add_option("--update-reference", request.update_reference, "With --to: write what was said now to this log");
+  replay->footer(
+      "Exit status: 0 sent, or no answer differs, 1 an answer differs, 2 bad usage or file\n"
+      "Example: meltbench replay meltbench-out --to controller");
 }
 
 /// @throws std::invalid_argument for what cannot go together.
@@ -133,6 +158,7 @@ ExitStatus dispatch(CLI::App& app, Words& words) {
   }
   if (app.got_subcommand("report")) return cli::make_report(words.folders, words.page);
   if (app.got_subcommand("check")) return cli::check_again(words.folders, words.scenario);
+  if (app.got_subcommand("replay")) return cli::replay_log(words.replay);
   if (app.got_subcommand("convert")) return cli::convert_log(words.from, words.to);
   return cli::examine_machine();
 }
@@ -159,6 +185,7 @@ int main(int argc, char** argv) {
       ->required();
   convert->add_option("to", words.to, "NAME.log (candump text), NAME.asc, NAME.blf; .gz packs the text forms")
       ->required();
+  add_replay_command(app, words.replay);
   app.add_subcommand("doctor", "Say what this machine offers, and how to get what is missing");
   try {
     app.parse(argc, argv);

@@ -51,6 +51,8 @@ room bench/report    $p bench/record bench/check
 room bench/bus       $p
 room bench/tap       $p bench/bus
 room bench/log       $p/time $p/can
+room bench/decode    $p
+room bench/replay    $p bench/decode bench/log
 room bench/fault     $p bench/bus
 room plant_emulator  $p
 room controller      $p

@@ -1,0 +1,237 @@
+#include "bench/cli/replay_command.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <memory>
+#include <stdexcept>
+
+#include "bench/bus/virtual_time.hpp"
+#include "bench/cli/log_commands.hpp"
+#include "bench/log/log_error.hpp"
+#include "bench/log/log_writer.hpp"
+#include "bench/replay/log_partner.hpp"
+#include "bench/replay/raw_replay.hpp"
+#include "bench/scenario/scenario.hpp"
+#include "controller/machine/controller.hpp"
+#include "plant_emulator/emulator.hpp"
+#include "protocols/link/socketcan_link.hpp"
+#include "protocols/runtime/participant_port.hpp"
+#include "protocols/runtime/stop_signal.hpp"
+
+namespace meltbench::cli {
+namespace {
+
+std::optional<std::uint32_t> parse_id(std::string_view text) {
+  std::uint32_t id = 0;
+  const char* end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, id, 16);
+  if (text.empty() || stop != end || error != std::errc{}) return std::nullopt;
+  return id;
+}
+
+/// "ID<separator>ID", both hexadecimal.
+std::optional<std::pair<std::uint32_t, std::uint32_t>> parse_id_pair(std::string_view text, char separator) {
+  const std::size_t at = text.find(separator);
+  if (at == std::string_view::npos) return std::nullopt;
+  const auto first = parse_id(text.substr(0, at));
+  const auto second = parse_id(text.substr(at + 1));
+  if (!first || !second) return std::nullopt;
+  return std::pair{*first, *second};
+}
+
+replay::RawReplayRequest to_raw_request(const ReplayRequest& request) {
+  replay::RawReplayRequest raw{request.speed, request.loops, request.channel, {}, {}};
+  for (const std::string& text : request.only) {
+    if (const auto id = parse_id(text)) {
+      raw.only.push_back({*id, 0xFFFF'FFFF});
+    } else if (const auto pair = parse_id_pair(text, '/')) {
+      raw.only.push_back({pair->first, pair->second});
+    } else {
+      throw std::invalid_argument{fmt::format("--only {}: expected ID or ID/MASK in hexadecimal", text)};
+    }
+  }
+  for (const std::string& text : request.renames) {
+    const auto pair = parse_id_pair(text, '=');
+    if (!pair || pair->second > can::kMaxExtendedId) {
+      throw std::invalid_argument{fmt::format("--rename {}: expected OLD=NEW in hexadecimal", text)};
+    }
+    raw.renames.push_back({pair->first, pair->second});
+  }
+  return raw;
+}
+
+/// The log that is meant: the file, or bus.log of a run's folder.
+std::filesystem::path find_log(const std::filesystem::path& path) {
+  return std::filesystem::is_directory(path) ? path / "bus.log" : path;
+}
+
+double percentile(std::vector<float>& values, double share) {
+  if (values.empty()) return 0.0;
+  const auto at = static_cast<std::size_t>(share * static_cast<double>(values.size() - 1));
+  std::ranges::nth_element(values, values.begin() + static_cast<std::ptrdiff_t>(at));
+  return static_cast<double>(values[at]);
+}
+
+ExitStatus replay_onto_bus(const ReplayRequest& request) {
+  const link::BusUri uri = link::parse_bus_uri(request.can);
+  if (uri.kind != link::BusUri::Kind::kSocketCan) {
+    throw std::invalid_argument{"--can needs a kernel interface such as can0; to a controller or boards of ours: --to"};
+  }
+  const replay::RawReplayRequest raw = to_raw_request(request);
+  const std::filesystem::path path = find_log(request.log);
+  link::SocketCanLink bus{uri.name};
+  runtime::catch_stop_signals();
+  replay::RawReplayResult result =
+      replay::replay_raw([&path] { return log::open_log(path); }, bus, raw, [] { return runtime::stop_requested(); });
+  const double worst = result.lateness_us.empty() ? 0.0 : static_cast<double>(std::ranges::max(result.lateness_us));
+  fmt::print("{} frames sent on {}, {} left out, {} not for this bus; transmit queue full {} times\n", result.sent,
+             uri.name, result.left_out, result.unsupported, result.waits);
+  fmt::print("behind the recorded times: p50 {:.1f} us, p99 {:.1f} us, max {:.1f} us\n",
+             percentile(result.lateness_us, 0.5), percentile(result.lateness_us, 0.99), worst);
+  return ExitStatus::kHeld;
+}
+
+// --- to a live side
+
+/// "feeder.6130:1=0.01" for each object that may differ.
+replay::Tolerance read_tolerance(const ReplayRequest& request, const config::Rig& rig) {
+  replay::Tolerance tolerance;
+  tolerance.time = Nanos{static_cast<std::int64_t>(request.time_tolerance_ms * 1e6)};
+  for (const std::string& text : request.value_tolerances) {
+    const std::size_t dot = text.find('.');
+    const std::size_t colon = text.find(':');
+    const std::size_t equals = text.find('=');
+    const auto bad = [&text](std::string_view why) {
+      return std::invalid_argument{fmt::format("--tolerance {}: {}, e.g. feeder.6130:1=0.01", text, why)};
+    };
+    if (dot > colon || colon > equals || equals == std::string::npos) throw bad("expected BOARD.INDEX:SUB=VALUE");
+    const auto board = std::ranges::find(rig.boards, text.substr(0, dot), &config::RigBoard::name);
+    if (board == rig.boards.end()) throw bad("the rig has no such board");
+    const auto index = parse_id(std::string_view{text}.substr(dot + 1, colon - dot - 1));
+    const auto sub = parse_id(std::string_view{text}.substr(colon + 1, equals - colon - 1));
+    double value = 0.0;
+    const char* end = text.data() + text.size();
+    const auto [stop, error] = std::from_chars(text.data() + equals + 1, end, value);
+    if (!index || !sub || stop != end || error != std::errc{} || !(value >= 0.0))
+      throw bad("that is no object or value");
+    tolerance.values[{board->node_id, {static_cast<std::uint16_t>(*index), static_cast<std::uint8_t>(*sub)}}] = value;
+  }
+  return tolerance;
+}
+
+/// Writes what was said in the replay, if somebody wants it.
+class Witness final : public bus::RunObserver {
+ public:
+  explicit Witness(const std::filesystem::path& path) {
+    if (!path.empty()) writer_ = log::create_log(log::create_file(path), log::format_by_name(path));
+  }
+  void on_frame(const can::StampedFrame& frame, std::size_t) override {
+    if (writer_) writer_->write({frame.at, 0, log::Direction::kUnknown, frame.frame}, "bench");
+  }
+  void on_row(Instant, std::span<const double>) override {}
+  void on_event(std::size_t, const Event& event) override {
+    if (event.severity == Severity::kFault) faults_.push_back(fmt::format("{:.6f} s  {}", to_s(event.at), event.text));
+  }
+  void finish() {
+    if (writer_) writer_->finish();
+  }
+  [[nodiscard]] const std::vector<std::string>& faults() const { return faults_; }
+
+ private:
+  std::unique_ptr<log::LogWriter> writer_;
+  std::vector<std::string> faults_;
+};
+
+std::string_view text(replay::Difference::Kind kind) {
+  switch (kind) {
+    case replay::Difference::Kind::kMissing:
+      return "missing";
+    case replay::Difference::Kind::kUnexpected:
+      return "unexpected";
+    case replay::Difference::Kind::kChanged:
+      return "changed";
+    case replay::Difference::Kind::kEarly:
+      return "early";
+    case replay::Difference::Kind::kLate:
+      return "late";
+  }
+  return "?";
+}
+
+void print_differences(const replay::Comparison& comparison, const std::filesystem::path& path) {
+  for (const replay::Difference& difference : comparison.differences()) {
+    const std::string place =
+        difference.line == 0 ? std::string{"now"} : fmt::format("{}:{}", path.string(), difference.line);
+    fmt::print("  {:12.6f} s  {:<10} {}  ({})\n", to_s(difference.at), text(difference.kind), difference.text, place);
+  }
+  if (comparison.count() > comparison.differences().size()) {
+    fmt::print("  and {} more\n", comparison.count() - comparison.differences().size());
+  }
+}
+
+/// The one run that the scenario describes.
+scenario::ResolvedRun load_single(const ReplayRequest& request, const std::filesystem::path& log) {
+  const auto file = request.scenario.empty() ? log.parent_path() / "repro.toml" : request.scenario;
+  if (request.scenario.empty() && !std::filesystem::exists(file)) {
+    throw std::invalid_argument{
+        fmt::format("{} is not there: say with --scenario which rig and settings the log is of", file.string())};
+  }
+  std::vector<scenario::ResolvedRun> runs = scenario::load(file);
+  if (runs.size() > 1) throw std::invalid_argument{"the scenario has variants: give the repro.toml of one"};
+  return std::move(runs.front());
+}
+
+ExitStatus replay_to_live_side(const ReplayRequest& request) {
+  const bool to_controller = request.to == "controller";
+  if (!to_controller && request.to != "boards") throw std::invalid_argument{"--to controller, or --to boards"};
+  const std::filesystem::path path = find_log(request.log);
+  const scenario::ResolvedRun run = load_single(request, path);
+  const auto reader = log::open_log(path);
+  decode::BusView of_log{run.rig};
+  const replay::Script script = replay::read_script(*reader, of_log, request.channel);
+  print_log_warnings(*reader, path);
+
+  std::unique_ptr<Participant> live;
+  if (to_controller) {
+    live = std::make_unique<machine::Controller>(machine::read_settings(run.root));
+  } else {
+    live = std::make_unique<emulator::Emulator>(emulator::read_settings(run.root, run.rig), run.seed);
+  }
+  decode::BusView view{run.rig};
+  replay::Comparison comparison{view, read_tolerance(request, run.rig)};
+  replay::LogPartner partner{script, to_controller ? replay::LiveSide::kController : replay::LiveSide::kBoards,
+                             comparison};
+  runtime::InProcessPort live_port{*live};
+  runtime::InProcessPort log_port{partner};
+  // The controller goes first at an instant, as in a run.
+  const auto ports = to_controller ? std::array<runtime::ParticipantPort*, 2>{&live_port, &log_port}
+                                   : std::array<runtime::ParticipantPort*, 2>{&log_port, &live_port};
+  Witness witness{request.update_reference};
+  runtime::catch_stop_signals();
+  const bus::RunOutcome outcome = bus::VirtualTime{ports, run.record_period, witness}.run(script.end.since_start);
+  comparison.finish(script.end);
+  witness.finish();
+  fmt::print("{} of {} s replayed to the {}: {} answers compared, {} differ; largest shift {:.3f} ms\n", path.string(),
+             to_s(outcome.at), request.to, comparison.compared(), comparison.count(),
+             to_s(comparison.worst_shift()) * 1e3);
+  print_differences(comparison, path);
+  for (const std::string& fault : witness.faults()) fmt::print("  fault in the replay: {}\n", fault);
+  if (!request.update_reference.empty()) fmt::print("new reference: {}\n", request.update_reference.string());
+  return comparison.count() == 0 ? ExitStatus::kHeld : ExitStatus::kFailed;
+}
+
+}  // namespace
+
+ExitStatus replay_log(const ReplayRequest& request) {
+  if (request.can.empty() == request.to.empty()) {
+    throw std::invalid_argument{"replay needs one of --can BUS, --to controller, --to boards"};
+  }
+  if (!(request.speed > 0.0)) throw std::invalid_argument{"--speed must be above 0"};
+  if (!(request.time_tolerance_ms > 0.0)) throw std::invalid_argument{"--time-tolerance must be above 0 ms"};
+  return request.can.empty() ? replay_to_live_side(request) : replay_onto_bus(request);
+}
+
+}  // namespace meltbench::cli
