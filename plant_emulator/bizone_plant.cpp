@@ -61,6 +61,13 @@ void BizonePlant::set_screw_rev_per_s(double screw_rev_per_s) {
   outputs_.reset();
 }
 
+void BizonePlant::disturb(const Disturbance& disturbance) {
+  extruder_.set_viscosity_Pa_s(nominal_.viscosity_Pa_s * disturbance.viscosity_factor);
+  extruder_.set_density_kg_per_m3(nominal_.density_kg_per_m3 * disturbance.density_factor);
+  extruder_.set_nozzle_kg(nominal_.nozzle_kg * disturbance.nozzle_open);
+  outputs_.reset();
+}
+
 void BizonePlant::report(Instant now, Outbox& out) {
   const bool flooded = extruder_.x_m() >= extruder_.parameters().length_m;
   if (flooded && !was_flooded_) {

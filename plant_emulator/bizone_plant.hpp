@@ -17,12 +17,14 @@ void read_bizone_signals(const plant::BizoneOutputs& outputs, std::span<double> 
 class BizonePlant final : public Plant {
  public:
   /// @throws std::invalid_argument as BizoneExtruder.
-  explicit BizonePlant(const plant::BizoneParameters& parameters) : extruder_{parameters} {}
+  explicit BizonePlant(const plant::BizoneParameters& parameters) : extruder_{parameters}, nominal_{parameters} {}
 
   void advance_to(Instant to) override;
   [[nodiscard]] std::span<const SignalInfo> signals() const override { return bizone_signals(); }
   void read_signals(std::span<double> values) const override { read_bizone_signals(outputs(), values); }
   void report(Instant now, Outbox& out) override;
+  /// It has no melting point.
+  void disturb(const Disturbance& disturbance) override;
 
   [[nodiscard]] double pressure_Pa() const override { return extruder_.pressure_Pa(); }
   [[nodiscard]] double encoder_rev() const override;
@@ -34,6 +36,7 @@ class BizonePlant final : public Plant {
   [[nodiscard]] const plant::BizoneOutputs& outputs() const;
 
   plant::BizoneExtruder extruder_;
+  plant::BizoneParameters nominal_;
   mutable std::optional<plant::BizoneOutputs> outputs_;
   bool was_flooded_ = false;
 };

@@ -23,7 +23,10 @@ std::string_view text(plant::ExtruderState state) {
 }  // namespace
 
 CoupledPlant::CoupledPlant(const plant::ExtruderParameters& parameters)
-    : extruder_{parameters}, signals_{bizone_signals().begin(), bizone_signals().end()}, told_{extruder_.state()} {
+    : nominal_{parameters.polymer},
+      extruder_{parameters},
+      signals_{bizone_signals().begin(), bizone_signals().end()},
+      told_{extruder_.state()} {
   for (const char* name : {"plant.melt_margin_m", "plant.state", "plant.nozzle_opening", "plant.viscosity_Pa_s"}) {
     signals_.push_back({name});
   }
@@ -65,6 +68,28 @@ void CoupledPlant::set_heater(std::size_t channel, double share) {
   const std::size_t zone = zone_of(channel);
   if (zone >= extruder_.barrel().zone_count()) return;
   extruder_.set_heater_W(zone, share * extruder_.barrel().parameters().zones[zone].max_power_W);
+}
+
+void CoupledPlant::change_polymer(const plant::Polymer& polymer) {
+  nominal_ = polymer;
+  fill_with_polymer();
+}
+
+void CoupledPlant::fill_with_polymer() {
+  plant::Polymer polymer = nominal_;
+  polymer.melt.T_melt_degC += disturbance_.melting_point_shift_K;
+  polymer.melt.solid.density_kg_per_m3 *= disturbance_.density_factor;
+  polymer.melt.liquid.density_kg_per_m3 *= disturbance_.density_factor;
+  extruder_.change_polymer(polymer);
+}
+
+void CoupledPlant::disturb(const Disturbance& disturbance) {
+  if (disturbance == disturbance_) return;
+  const bool same_polymer = disturbance.density_factor == disturbance_.density_factor &&
+                            disturbance.melting_point_shift_K == disturbance_.melting_point_shift_K;
+  disturbance_ = disturbance;
+  if (!same_polymer) fill_with_polymer();
+  extruder_.disturb_nozzle(disturbance.viscosity_factor, disturbance.nozzle_open);
 }
 
 void CoupledPlant::report(Instant now, Outbox& out) {

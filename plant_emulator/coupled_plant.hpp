@@ -22,7 +22,8 @@ class CoupledPlant final : public Plant {
   void report(Instant now, Outbox& out) override;
 
   /// From now on, see Extruder::change_polymer().
-  void change_polymer(const plant::Polymer& polymer) override { extruder_.change_polymer(polymer); }
+  void change_polymer(const plant::Polymer& polymer) override;
+  void disturb(const Disturbance& disturbance) override;
 
   [[nodiscard]] double pressure_Pa() const override { return extruder_.bizone().pressure_Pa(); }
   [[nodiscard]] double encoder_rev() const override;
@@ -43,6 +44,10 @@ class CoupledPlant final : public Plant {
   /// Zone of the model behind a channel of the heater; none: as many as there are zones.
   [[nodiscard]] std::size_t zone_of(std::size_t channel) const;
 
+  void fill_with_polymer();
+
+  plant::Polymer nominal_;  // What the rig or an event says is in the barrel.
+  Disturbance disturbance_;
   mutable plant::Extruder extruder_;  // Reading a thermocouple solves the barrel up to now.
   std::vector<SignalInfo> signals_;
   MeltStatusReport status_;

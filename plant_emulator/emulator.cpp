@@ -1,6 +1,7 @@
 #include "plant_emulator/emulator.hpp"
 
 #include <algorithm>
+#include <array>
 #include <utility>
 
 #include <fmt/format.h>
@@ -41,6 +42,14 @@ std::unique_ptr<board::Board> make_board(const BoardSettings& settings, std::uin
   return std::visit(make, settings.firmware);
 }
 
+config::BoardKind kind_of(const BoardSettings& settings) {
+  using config::BoardKind;
+  // In the order of BoardSettings::firmware.
+  constexpr std::array kKinds{BoardKind::kFeeder, BoardKind::kScrewDrive,     BoardKind::kMeltPressure,
+                              BoardKind::kHeater, BoardKind::kPreconditioner, BoardKind::kMeltCamera};
+  return kKinds.at(settings.firmware.index());
+}
+
 std::unique_ptr<board::RtuBoard> make_rtu_board(const BoardSettings& settings, std::uint64_t seed,
                                                 board::Process& process) {
   const board::Chance chance{seed, settings.name};
@@ -68,6 +77,7 @@ std::unique_ptr<Plant> make_plant(const EmulatorSettings& settings) {
 
 Emulator::Emulator(const EmulatorSettings& settings, std::uint64_t seed)
     : plant_{make_plant(settings)},
+      process_{*plant_, seed},
       truth_count_{settings.knows_truth ? plant_->signals().size() : 0},
       knows_truth_{settings.knows_truth},
       signals_{plant_->signals().begin(), plant_->signals().begin() + static_cast<std::ptrdiff_t>(truth_count_)},
@@ -75,10 +85,11 @@ Emulator::Emulator(const EmulatorSettings& settings, std::uint64_t seed)
   for (const config::RigLine& line : settings.lines) serial_.add_line(line.name, line.settings);
   for (const BoardSettings& board : settings.boards) {
     if (board.line.empty()) {
-      devices_.push_back(boards_.emplace_back(make_board(board, seed, *plant_)).get());
+      devices_.push_back(boards_.emplace_back(make_board(board, seed, process_)).get());
+      gates_.emplace_back(*boards_.back(), kind_of(board), process_);
       nodes_.push_back(board.name);
     } else {
-      devices_.push_back(&serial_.add(make_rtu_board(board, seed, *plant_), board.line));
+      devices_.push_back(&serial_.add(make_rtu_board(board, seed, process_), board.line));
     }
     for (const std::string_view signal : devices_.back()->signal_names()) {
       signals_.push_back({fmt::format("{}.{}", board.name, signal), SignalKind::kValue});
@@ -96,6 +107,11 @@ void Emulator::wake(const Wakeup& in, Outbox& out) {
   if (!started_) start();
   serial_.on_lines(in.lines);
   take_arrivals(in);
+  if (!in.orders.empty()) {
+    run_timers_before(in.now);
+    advance(in.now);
+    for (const std::string& order : in.orders) obey(order);
+  }
   run_timers_before(in.now);
   advance(in.now);
   run_timers_before(in.now + 1ns);
@@ -143,8 +159,29 @@ void Emulator::start() {
   started_ = true;
   serial_.start(now_);
   for (std::size_t i = 0; i < boards_.size(); ++i) {
-    boards_[i]->start(now_, frames_);
+    gates_[i].start(now_, frames_);
     mark_sender(i);
+  }
+  tell_others();
+}
+
+/// Orders of the bench: faults that begin and end. Whatever else it asks for is not for the extruder.
+void Emulator::obey(const std::string& text) {
+  const std::optional<fault::FaultOrder> order = fault::read_order(text);
+  if (!order) return;
+  for (std::size_t i = 0; i < gates_.size(); ++i) {
+    if (order->fault.target != fault::Target::kBoard || boards_[i]->name() != order->fault.object) continue;
+    if (order->begins) {
+      gates_[i].begin(order->number, order->fault, now_, frames_);
+    } else {
+      gates_[i].end(order->number, now_, frames_);
+    }
+    mark_sender(i);
+  }
+  if (order->begins) {
+    process_.begin(order->number, order->fault);
+  } else {
+    process_.end(order->number);
   }
   tell_others();
 }
@@ -152,7 +189,7 @@ void Emulator::start() {
 void Emulator::deliver(const can::CanFrame& frame, std::span<const can::ErrorState> states) {
   for (std::size_t i = 0; i < boards_.size(); ++i) {
     if (i < states.size() && states[i] == can::ErrorState::kBusOff) continue;
-    boards_[i]->on_frame(now_, frame, frames_);
+    gates_[i].on_frame(now_, frame, frames_);
     mark_sender(i);
   }
   tell_others();
@@ -166,8 +203,8 @@ void Emulator::run_timers_before(Instant limit) {
       plant_->change_polymer(material_changes_[next_change_].polymer);
     }
     for (std::size_t i = 0; i < boards_.size(); ++i) {
-      if (boards_[i]->next_deadline() > now_) continue;
-      boards_[i]->on_time(now_, frames_);
+      if (gates_[i].next_deadline() > now_) continue;
+      gates_[i].on_time(now_, frames_);
       mark_sender(i);
     }
     serial_.on_time(now_);
@@ -188,7 +225,12 @@ void Emulator::advance(Instant to) {
         next = touch;
       }
     }
-    plant_->advance_to(next);
+    const Instant moves = process_.next_touch(next);
+    process_.advance_to(std::min(moves, next));
+    if (moves <= next) {
+      process_.touch(moves);
+      continue;
+    }
     if (first == nullptr) break;
     first->touch(next);
   }
@@ -207,7 +249,7 @@ void Emulator::tell_others() {
     const can::CanFrame frame = frames_[told_];  // A copy: answers may move the vector.
     for (std::size_t i = 0; i < boards_.size(); ++i) {
       if (i == sender) continue;
-      boards_[i]->on_frame(now_, frame, frames_);
+      gates_[i].on_frame(now_, frame, frames_);
       mark_sender(i);
     }
   }
@@ -215,11 +257,12 @@ void Emulator::tell_others() {
 
 Instant Emulator::next_deadline() const {
   Instant next = next_change_ < material_changes_.size() ? material_changes_[next_change_].at : Instant::never();
-  for (const auto& board : boards_) next = std::min(next, board->next_deadline());
+  for (const BoardGate& gate : gates_) next = std::min(next, gate.next_deadline());
   return std::min(next, serial_.next_deadline());
 }
 
 void Emulator::report_boards(Outbox& out) {
+  for (BoardGate& gate : gates_) gate.forget_dark_events();
   for (board::Device* device : devices_) {
     if (!device->has_events()) continue;
     for (Event& event : device->take_events()) {

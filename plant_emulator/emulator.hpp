@@ -12,8 +12,10 @@
 
 #include "plant_emulator/board/board.hpp"
 #include "plant_emulator/board/settings.hpp"
+#include "plant_emulator/board_gate.hpp"
 #include "plant_emulator/plant.hpp"
 #include "plant_emulator/plant_settings.hpp"
+#include "plant_emulator/process_faults.hpp"
 #include "plant_emulator/serial_boards.hpp"
 #include "protocols/canopen/object_dictionary.hpp"
 #include "protocols/config/rig.hpp"
@@ -76,6 +78,7 @@ class Emulator final : public Participant {
 
  private:
   void start();
+  void obey(const std::string& order);
   void take_arrivals(const Wakeup& in);
   void deliver(const can::CanFrame& frame, std::span<const can::ErrorState> states);
   void send_all(Outbox& out) const;
@@ -87,10 +90,12 @@ class Emulator final : public Participant {
   void report_boards(Outbox& out);
 
   std::unique_ptr<Plant> plant_;
+  ProcessFaults process_;    // The plant as the boards see it.
   std::size_t truth_count_;  // Signals of the plant that are offered.
   bool knows_truth_;
   std::vector<std::unique_ptr<board::Board>> boards_;  // On CAN,
-  std::vector<std::string> nodes_;                     // and their names.
+  std::vector<std::string> nodes_;                     // their names,
+  std::vector<BoardGate> gates_;                       // and what stands before each.
   SerialBoards serial_;
   std::vector<board::Device*> devices_;  // All of them, in the order of the rig.
   std::vector<SignalInfo> signals_;

@@ -9,6 +9,15 @@
 
 namespace meltbench::emulator {
 
+/// How the process differs from what the rig says.
+struct Disturbance {
+  double viscosity_factor = 1.0;
+  double density_factor = 1.0;
+  double melting_point_shift_K = 0.0;
+  double nozzle_open = 1.0;  ///< Share of the nozzle's conductance that is left.
+  bool operator==(const Disturbance&) const = default;
+};
+
 /// An extruder that the emulator moves from touch to touch of its boards.
 class Plant : public board::Process {
  public:
@@ -24,6 +33,9 @@ class Plant : public board::Process {
 
   /// The barrel holds another polymer from now on. Plants that know but one take no notice.
   virtual void change_polymer(const plant::Polymer& /*polymer*/) {}
+
+  /// From now on; the default takes it back. Plants without a nozzle take no notice.
+  virtual void disturb(const Disturbance& /*disturbance*/) {}
 
   /// Says what has happened to the material since the last call.
   virtual void report(Instant now, Outbox& out) = 0;

@@ -25,7 +25,7 @@ Board::Board(std::string name, canopen::ObjectDictionary dictionary, std::uint8_
     : Device{std::move(name), process}, node_{std::move(dictionary), node_id, this} {}
 
 void Board::refresh_once(Instant now) {
-  if (refreshed_at_ == now) return;
+  if (refreshed_at_ == now || hangs_) return;
   refresh(now);
   refreshed_at_ = now;
 }

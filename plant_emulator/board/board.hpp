@@ -57,10 +57,14 @@ class Board : public Device, protected canopen::NodeListener {
   void start(Instant now, canopen::Frames& out) { node_.start(now, out); }
   void on_frame(Instant now, const can::CanFrame& frame, canopen::Frames& out) { node_.on_frame(now, frame, out); }
   void on_time(Instant now, canopen::Frames& out) {
-    run_timers(now);
+    if (!hangs_) run_timers(now);
     node_.on_time(now, out);
   }
-  [[nodiscard]] Instant next_deadline() const { return std::min(node_.next_deadline(), own_deadline_); }
+  [[nodiscard]] Instant next_deadline() const {
+    return hangs_ ? node_.next_deadline() : std::min(node_.next_deadline(), own_deadline_);
+  }
+  /// The firmware does nothing any more, its timers included; what it has put into the dictionary stays.
+  void hang(bool on) { hangs_ = on; }
 
   [[nodiscard]] canopen::Node& node() { return node_; }
   [[nodiscard]] const canopen::Node& node() const { return node_; }
@@ -90,6 +94,7 @@ class Board : public Device, protected canopen::NodeListener {
 
   static constexpr Instant kNotRefreshed{Nanos{-1}};
   Instant refreshed_at_ = kNotRefreshed;
+  bool hangs_ = false;
   canopen::Node node_;
 };
 

@@ -55,6 +55,7 @@ Instant FeederFirmware::next_touch(Instant until) const {
   if (!pending_.empty()) next = std::min(next, pending_.front().at);
   // Its true flow changes with the weight: in steps of the scale's cycle.
   if (volumetric_) next = std::min(next, weight_clock_.next_after(moved_to_));
+  if (process_.is_hopper_empty() != ran_dry_) next = moved_to_;
   return next <= until ? next : Instant::never();
 }
 
@@ -65,12 +66,22 @@ void FeederFirmware::touch(Instant at) {
     pending_.pop_front();
     deliver(at, change.flow_kg_per_h);
   }
+  if (process_.is_hopper_empty() != ran_dry_) run_dry(at);
   follow_refill(at);
   if (!empty_ && flow_kg_per_h_ > 0 && hopper_kg_ <= 0 && !refilling_) {
     empty_ = true;
     deliver(at, flow_kg_per_h_);
     listener_.on_hopper_empty(at);
   }
+}
+
+/// Somebody forgot the hopper, or came and filled it.
+void FeederFirmware::run_dry(Instant at) {
+  ran_dry_ = process_.is_hopper_empty();
+  hopper_kg_ = ran_dry_ ? 0 : settings_.hopper_kg;
+  if (ran_dry_ || !empty_) return;
+  empty_ = false;
+  deliver(at, scheduled_kg_per_h_);
 }
 
 void FeederFirmware::follow_refill(Instant at) {
@@ -119,13 +130,18 @@ void FeederFirmware::drive() {
   process_.set_feed_kg_per_s(true_kg_per_h_ / kSecondsPerHour);
 }
 
+double FeederFirmware::fed_kg_per_s() const {
+  return process_.fed_kg_per_s(true_kg_per_h_ / kSecondsPerHour);
+}
+
 double FeederFirmware::net_kg_per_s() const {
-  return (refilling_ ? settings_.refill_kg_per_h / kSecondsPerHour : 0.0) - true_kg_per_h_ / kSecondsPerHour;
+  return (refilling_ ? settings_.refill_kg_per_h / kSecondsPerHour : 0.0) - fed_kg_per_s();
 }
 
 Instant FeederFirmware::falls_to(double weight_kg) const {
-  if (refilling_ || !(true_kg_per_h_ > 0)) return Instant::never();
-  const double left_s = (hopper_kg_ - weight_kg) / true_kg_per_h_ * kSecondsPerHour;
+  const double fed = fed_kg_per_s();
+  if (refilling_ || !(fed > 0)) return Instant::never();
+  const double left_s = (hopper_kg_ - weight_kg) / fed;
   if (left_s > 1e9) return Instant::never();  // 30 years.
   return moved_to_ + nanos_from_s(std::max(left_s, 0.0));
 }
@@ -142,13 +158,17 @@ void FeederFirmware::move_to(Instant at) {
   const bool runs_low = at >= low_at();
   const double dt_s = to_s(at - moved_to_);
   const auto flow = static_cast<double>(flow_kg_per_h_);
-  const double left_kg = std::min(true_kg_per_h_ / kSecondsPerHour * dt_s, hopper_kg_);
+  const double fed = fed_kg_per_s();
+  const double left_kg = std::min(fed * dt_s, hopper_kg_);
+  // What the scale sees; the set point, while it does not look.
+  const double share = true_kg_per_h_ > 0 ? fed / (true_kg_per_h_ / kSecondsPerHour) : 1.0;
+  const double weighed = volumetric_ ? flow : flow * share;
   hopper_kg_ += refilling_ ? net_kg_per_s() * dt_s : -left_kg;
   // Without the rounding of the last nanosecond.
   if (runs_low) hopper_kg_ = std::min(hopper_kg_, settings_.refill_low_kg);
   if (runs_empty) hopper_kg_ = 0;
   delivered_kg_ += volumetric_ ? flow / kSecondsPerHour * dt_s : left_kg;
-  filtered_kg_per_h_ = flow + (filtered_kg_per_h_ - flow) * std::exp(-dt_s / settings_.flow_filter_s);
+  filtered_kg_per_h_ = weighed + (filtered_kg_per_h_ - weighed) * std::exp(-dt_s / settings_.flow_filter_s);
   moved_to_ = at;
 }
 

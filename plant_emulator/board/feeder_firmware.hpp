@@ -118,9 +118,11 @@ class FeederFirmware {
   void deliver(Instant at, float flow_kg_per_h);
   void drive();
   void follow_refill(Instant at);
+  void run_dry(Instant at);
   void set_mode(Instant at);
   void sample_weight(Instant until);
   [[nodiscard]] double true_factor_kg_per_h() const;
+  [[nodiscard]] double fed_kg_per_s() const;  ///< What leaves the hopper in truth.
   [[nodiscard]] double net_kg_per_s() const;
   [[nodiscard]] Instant falls_to(double weight_kg) const;
   [[nodiscard]] Instant empty_at() const { return empty_ ? Instant::never() : falls_to(0); }
@@ -142,6 +144,7 @@ class FeederFirmware {
   double set_point_kg_per_h_ = 0;
   Instant watchdog_at_ = Instant::never();
   bool running_ = true, master_lost_ = false, cut_ = false, not_a_number_ = false, empty_ = false;
+  bool ran_dry_ = false;  // The process says that nothing is left, whatever should be.
 
   bool told_volumetric_ = false, volumetric_ = false, refilling_ = false;
   Instant calm_at_{};                // After a refill: gravimetric again.

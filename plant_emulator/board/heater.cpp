@@ -388,7 +388,8 @@ void Heater::on_reset(Instant now, canopen::ResetKind kind) {
     channel.tuner.stop();
     channel.is_watched = false;
     channel.cycle_ends = now;
-    const bool warm = settings_.warm_start && channel.fitted;
+    // Once only: a heater that comes back in mid-run waits to be told.
+    const bool warm = settings_.warm_start && channel.fitted && now == Instant{};
     if (warm) {
       release = static_cast<std::uint8_t>(release | 1U << i);
       channel.Y = settings_.start[i].heater_share;

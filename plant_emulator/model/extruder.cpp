@@ -194,8 +194,9 @@ void Extruder::update_melt_properties() {
   if (conveys) opening_ = std::clamp(1 + melt_margin_m() / parameters_.clogging_m, kLeastOpening, 1.0);
   // Frozen polymer has no viscosity to speak of: what counts then is the opening.
   const double ratio = conveys ? eta_screw / eta_nozzle : 1.0;
-  bizone_.set_viscosity_Pa_s(conveys ? eta_screw : parameters_.polymer.viscosity.at_reference_Pa_s);
-  bizone_.set_nozzle_kg(nozzle_kg_ * opening_ * ratio);
+  const double eta = conveys ? eta_screw : parameters_.polymer.viscosity.at_reference_Pa_s;
+  bizone_.set_viscosity_Pa_s(viscosity_factor_ * eta);
+  bizone_.set_nozzle_kg(nozzle_kg_ * nozzle_open_ * opening_ * ratio);
 }
 
 double Extruder::melt_margin_m() const {
@@ -250,6 +251,12 @@ void Extruder::change_polymer(const Polymer& polymer) {
   state_ = ExtruderState::kStanding;
   follow_screw();
   exchange_heat();
+  update_melt_properties();
+}
+
+void Extruder::disturb_nozzle(double viscosity_factor, double nozzle_open) {
+  viscosity_factor_ = viscosity_factor;
+  nozzle_open_ = nozzle_open;
   update_melt_properties();
 }
 

@@ -69,6 +69,8 @@ class Extruder {
   /// The barrel holds another polymer now, at the same temperatures: what is above its T_m is molten. As if it had been
   /// taken apart and refilled; a plug of one polymer behind the other is not modelled. Allocates.
   void change_polymer(const Polymer& polymer);
+  /// All viscosities times a factor, and a share of the nozzle's conductance that is left. @pre both > 0.
+  void disturb_nozzle(double viscosity_factor, double nozzle_open);
 
   [[nodiscard]] const BizoneExtruder& bizone() const { return bizone_; }
   [[nodiscard]] const Barrel& barrel() const { return barrel_; }
@@ -110,6 +112,7 @@ class Extruder {
   Instant next_tick_{kThermalTick};
   double screw_m_per_s_;
   double opening_ = 1;
+  double viscosity_factor_ = 1, nozzle_open_ = 1;
 };
 
 }  // namespace meltbench::plant
