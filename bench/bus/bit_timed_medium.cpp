@@ -85,6 +85,10 @@ void BitTimedMedium::send_from_outside(Instant now, const can::CanFrame& frame) 
   if (!bus_.send(now, node, frame)) ++lost_frames_;
 }
 
+std::size_t BitTimedMedium::room_for_outside() {
+  return bus_.node(names_.size() - 1).room();
+}
+
 void BitTimedMedium::send_waiting(Instant now, std::size_t participant) {
   Membership& member = members_[participant];
   while (!member.refused.empty() && bus_.send(now, member.first_node, member.refused.front())) {

@@ -63,6 +63,8 @@ class BitTimedMedium final : private BusListener {
   void send(Instant now, std::size_t participant, std::size_t own_node, const can::CanFrame& frame);
   /// Queues a frame of a program outside the run.
   void send_from_outside(Instant now, const can::CanFrame& frame);
+  /// How many of those its transmit queue takes now.
+  [[nodiscard]] std::size_t room_for_outside();
   [[nodiscard]] Instant next_event() const { return bus_.next_event(); }
   void advance(Instant to) { bus_.advance(to); }
 

@@ -91,6 +91,8 @@ class BusNode {
   void set_powered(bool on);
 
   [[nodiscard]] std::size_t number() const { return number_; }
+  /// How many more frames its transmit queue takes.
+  [[nodiscard]] std::size_t room() const { return queue_.room(); }
   [[nodiscard]] can::ErrorState state() const { return state_; }
   [[nodiscard]] unsigned tec() const { return tec_; }
   [[nodiscard]] unsigned rec() const { return rec_; }

@@ -36,6 +36,8 @@ class TransmitQueue {
   void clear();
   [[nodiscard]] bool empty() const { return order_.empty(); }
   [[nodiscard]] std::size_t size() const { return order_.size(); }
+  /// How many more it takes.
+  [[nodiscard]] std::size_t room() const { return free_.size(); }
 
  private:
   std::vector<Pending> slots_;

@@ -239,7 +239,8 @@ void VirtualTime::deliver_serial() {
 bool VirtualTime::admit_outside() {
   if (outside_ == nullptr) return false;
   from_outside_.clear();
-  outside_->exchange(kMaxOutsideFramesAtOnce, from_outside_);
+  const std::size_t room = medium_ ? medium_->room_for_outside() : kMaxOutsideFramesAtOnce;
+  outside_->exchange(std::min(room, kMaxOutsideFramesAtOnce), from_outside_);
   if (from_outside_.empty()) return false;
   if (!std::exchange(outside_has_sent_, true)) observer_.on_event(kTapSender, make_outside_event(now_));
   for (const can::CanFrame& frame : from_outside_) {

@@ -70,7 +70,7 @@ RunOutcome WallClockRelay::run(Nanos duration, double speed, RunObserver& observ
   const Nanos end = clock_.to_monotonic(Instant{duration});
   RunOutcome outcome;
   while (runtime::read_monotonic() < end && outcome.text.empty()) {
-    wait(std::min(end, runtime::read_monotonic() + 10ms));
+    wait(std::min(end, runtime::read_monotonic() + (outside_has_more_ ? 0ms : 10ms)));
     take_newcomer();
     for (std::size_t number = 0; number < parties_.size(); ++number) read_messages(number);
     read_kernel_bus();
@@ -131,6 +131,7 @@ void WallClockRelay::exchange_with_outside() {
   if (outside_ == nullptr) return;
   from_outside_.clear();
   outside_->exchange(all_have_room() ? kMaxOutsideFramesAtOnce : 0, from_outside_);
+  outside_has_more_ = from_outside_.size() == kMaxOutsideFramesAtOnce;
   if (from_outside_.empty()) return;
   const Nanos now = runtime::read_monotonic();
   if (!std::exchange(outside_has_sent_, true))

@@ -63,6 +63,7 @@ class WallClockRelay {
   Outside* outside_;
   std::vector<can::CanFrame> from_outside_;
   bool outside_has_sent_ = false;
+  bool outside_has_more_ = false;  ///< As many came at once as may.
   std::vector<pollfd> watched_;
   Nanos record_period_;
   RunObserver* observer_ = nullptr;  ///< Of the run that goes on.

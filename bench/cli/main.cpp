@@ -130,6 +130,9 @@ void settle(Words& words, const CLI::App& run) {
     }
     words.run.pace.kind = cli::Pace::Kind::kRealTime;
   }
+  if (!words.run.tap.is_wanted() && run.count("--tap-wait") + run.count("--tap-read-only") > 0) {
+    throw std::invalid_argument{"--tap-wait and --tap-read-only say how others come in by --tap or --slcan-pty"};
+  }
   if (!words.run.controller_can.empty() && !on_kernel) {
     throw std::invalid_argument{"--controller-can needs a --can that is a kernel interface, too"};
   }

@@ -134,6 +134,34 @@ TEST_CASE("Bit-timed medium: a program's driver keeps what the full queue refuse
   }
 }
 
+TEST_CASE("Bit-timed medium: what comes from outside waits for room in its queue, none is lost or swapped", "[bus]") {
+  /// Has forty frames to send, and gives as many as there is room for.
+  class Loud final : public Outside {
+   public:
+    void exchange(std::size_t room, std::vector<can::CanFrame>& frames) override {
+      for (; room > 0 && next_ < 40; --room) frames.push_back(can::make_frame(0x300, {next_++}));
+    }
+    void show(const can::StampedFrame&, std::size_t sender) override { own_seen += sender == kTapSender ? 1 : 0; }
+    void watch(std::vector<pollfd>&) const override {}
+    int own_seen = 0;
+
+   private:
+    std::uint8_t next_ = 0;
+  };
+  Burst burst{0};
+  InProcessPort port{burst};
+  const std::array<ParticipantPort*, 1> ports{&port};
+  Notes notes;
+  Loud loud;
+  RunMedia media;
+  media.bit_timed = BitTimedSettings{};
+  media.outside = &loud;
+  CHECK(VirtualTime{ports, 1ms, notes, media}.run(100ms).lost_frames == 0);
+  REQUIRE(burst.heard.size() == 40);
+  for (std::size_t i = 0; i < 40; ++i) CHECK(burst.heard[i].frame.bytes[0] == i);
+  CHECK(loud.own_seen == 40);
+}
+
 TEST_CASE("Bit-timed medium: a lone program gets no acknowledgement, and the recording says so", "[bus]") {
   Burst lone{1};
   InProcessPort port{lone};
