@@ -20,7 +20,7 @@ constexpr int kFirstPlausibleYear = 1990;
 template <typename T>
 T view(std::span<const char> bytes) {
   T value{};
-  std::memcpy(static_cast<void*>(&value), bytes.data(), std::min(bytes.size(), sizeof(T)));
+  if (!bytes.empty()) std::memcpy(static_cast<void*>(&value), bytes.data(), std::min(bytes.size(), sizeof(T)));
   return value;
 }
 
