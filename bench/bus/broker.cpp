@@ -46,7 +46,10 @@ std::optional<std::vector<Joined>> Broker::wait_for(std::span<const std::string>
     auto joined = accept_program(listener_);
     if (!joined) continue;
     const auto wanted = std::ranges::find(names, joined->hello.name);
-    if (wanted == names.end()) continue;  // A stranger: its socket closes here, and it sees that.
+    if (wanted == names.end()) {
+      early_.push_back(std::move(*joined));
+      continue;
+    }
     found[static_cast<std::size_t>(wanted - names.begin())] = std::move(joined);
   }
   std::vector<Joined> result;
@@ -55,6 +58,11 @@ std::optional<std::vector<Joined>> Broker::wait_for(std::span<const std::string>
 }
 
 std::optional<Joined> Broker::take_newcomer() {
+  if (!early_.empty()) {
+    Joined first = std::move(early_.front());
+    early_.pop_front();
+    return first;
+  }
   link::UniqueFd connection{::accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC)};
   if (connection) silent_.emplace_back(std::move(connection));
   for (auto socket = silent_.begin(); socket != silent_.end(); ++socket) {

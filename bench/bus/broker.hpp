@@ -1,5 +1,6 @@
 #pragma once
 
+#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -46,6 +47,7 @@ class Broker {
  private:
   std::string bus_name_;
   link::UniqueFd listener_;
+  std::deque<Joined> early_;               ///< Came while others were waited for.
   std::vector<link::BenchSocket> silent_;  ///< Newcomers that have not said hello yet.
 };
 

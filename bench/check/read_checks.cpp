@@ -297,6 +297,13 @@ CheckResult describe(const Health& health) {
 
 }  // namespace
 
+std::vector<std::string> CheckSet::signal_names() const {
+  std::vector<std::string> names;
+  const auto note = [&names](const std::string& name) { names.push_back(name); };
+  for (const Check& check : checks) std::visit(SignalsOf<decltype(note)>{note}, check.kind);
+  return names;
+}
+
 void CheckSet::require_signals(const std::vector<SignalInfo>& signals, const record::RunInfo& info) const {
   std::vector<std::string> names;
   for (const SignalInfo& signal : signals) names.push_back(signal.name);

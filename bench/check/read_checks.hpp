@@ -27,6 +27,9 @@ struct CheckSet {
   std::vector<Check> checks;
   HealthGate health;
 
+  /// Every signal that a check names, as often as it is named.
+  [[nodiscard]] std::vector<std::string> signal_names() const;
+
   /// Before the run: does every signal that a check names exist?
   /// @param info  says which parts the bench cannot look into: their signals are missing by nature.
   /// @throws config::ConfigError at the check, naming the nearest signal.

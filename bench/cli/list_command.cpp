@@ -37,11 +37,14 @@ ExitStatus list_scenarios(const std::filesystem::path& folder) {
 
 ExitStatus list_signals(const std::filesystem::path& scenario) {
   const PreparedRun prepared = prepare(std::move(scenario::load(scenario).front()), {}, {});
-  for (const Participant* participant : {prepared.controller.get(), prepared.plant.get()}) {
-    for (const SignalInfo& signal : participant->signals()) {
+  const auto print = [](std::span<const SignalInfo> signals) {
+    for (const SignalInfo& signal : signals) {
       fmt::print("{}{}\n", signal.name, signal.kind == SignalKind::kErrorCounter ? "   (error counter)" : "");
     }
-  }
+  };
+  if (prepared.controller) print(prepared.controller->signals());
+  if (prepared.plant) print(prepared.plant->signals());
+  print(record::WireSignals{prepared.run.rig.boards, {}}.signals());
   return ExitStatus::kHeld;
 }
 

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <deque>
 #include <fstream>
 #include <stdexcept>
 #include <system_error>
@@ -36,17 +37,19 @@ constexpr const char* kPlant = "plant";
 /// Hands what happens to the recorder, and the time to the progress line.
 class Observer final : public bus::RunObserver {
  public:
-  Observer(record::RunRecorder& recorder, Progress& progress)
-      : recorder_{recorder}, names_{recorder.recording().info.participants}, progress_{progress} {}
+  /// @param wire  null: its signals are not recorded.
+  Observer(record::RunRecorder& recorder, record::WireSignals* wire, Progress& progress)
+      : recorder_{recorder}, names_{recorder.recording().info.participants}, wire_{wire}, progress_{progress} {}
 
   void on_frame(const can::StampedFrame& frame, std::size_t sender) override {
     recorder_.frame(frame, static_cast<std::uint8_t>(sender));
+    if (wire_ != nullptr) not_in_a_row_.push_back(frame);
   }
   void on_serial(std::string_view line, std::size_t sender, Instant at, std::span<const std::uint8_t> bytes) override {
     recorder_.serial(line, name_of(sender), at, bytes);
   }
   void on_row(Instant at, std::span<const double> values) override {
-    recorder_.row(at, values);
+    recorder_.row(at, wire_ == nullptr ? values : append_wire(at, values));
     if (++rows_ % kRowsPerLook == 0) progress_.at(at);
   }
   void on_event(std::size_t participant, const Event& event) override { recorder_.event(name_of(participant), event); }
@@ -57,9 +60,23 @@ class Observer final : public bus::RunObserver {
     return participant < names_.size() ? std::string_view{names_[participant]} : "bench";
   }
 
+  /// At wall-clock pace a row comes later than the frames of its instant.
+  std::span<const double> append_wire(Instant at, std::span<const double> values) {
+    for (; !not_in_a_row_.empty() && not_in_a_row_.front().at <= at; not_in_a_row_.pop_front()) {
+      wire_->on_frame(not_in_a_row_.front().frame);
+    }
+    row_.assign(values.begin(), values.end());
+    row_.resize(values.size() + wire_->signals().size());
+    wire_->read(std::span{row_}.subspan(values.size()));
+    return row_;
+  }
+
   static constexpr std::uint64_t kRowsPerLook = 64;
   record::RunRecorder& recorder_;
   std::vector<std::string> names_;
+  record::WireSignals* wire_;
+  std::deque<can::StampedFrame> not_in_a_row_;
+  std::vector<double> row_;
   Progress& progress_;
   std::uint64_t rows_ = 0;
 };
@@ -86,6 +103,20 @@ std::vector<std::string> name_unseen(const PreparedRun& prepared) {
   return unseen;
 }
 
+/// What to type for the same run; everything that the user gave but where its results go.
+std::string make_repeat_command(const PreparedRun& prepared, const RunRequest& request) {
+  std::string command = fmt::format("meltbench run {} --seed {}", prepared.run.file.string(), prepared.run.seed);
+  if (prepared.pace.kind == Pace::Kind::kInProcess) {
+    command += " --in-process";
+  } else if (request.pace_given || !prepared.pace.is_virtual()) {
+    command += " --pace " + prepared.pace.text();
+  }
+  if (!request.can.empty()) command += " --can " + request.can;
+  if (!request.controller_can.empty()) command += " --controller-can " + request.controller_can;
+  if (request.rt_priority) command += fmt::format(" --rt {}", *request.rt_priority);
+  return command;
+}
+
 record::RunInfo make_info(const PreparedRun& prepared, const RunRequest& request) {
   const scenario::ResolvedRun& run = prepared.run;
   record::RunInfo info;
@@ -103,7 +134,7 @@ record::RunInfo make_info(const PreparedRun& prepared, const RunRequest& request
   info.has_serial_lines = !run.rig.lines.empty();
   info.bit_rate_bit_per_s = run.rig.bus.bit_rate_bit_per_s;
   info.version = kProgramVersion;
-  info.repeat_command = fmt::format("meltbench run {} --seed {}", run.file.string(), run.seed);
+  info.repeat_command = make_repeat_command(prepared, request);
   return info;
 }
 
@@ -146,16 +177,31 @@ std::vector<runtime::ParticipantPort*> to_pointers(std::span<const std::unique_p
   return pointers;
 }
 
+void append(std::vector<SignalInfo>& signals, std::span<const SignalInfo> more) {
+  signals.insert(signals.end(), more.begin(), more.end());
+}
+
+/// A recorder for the participants' signals, and those of the wire behind them.
+void open_recorder(std::optional<record::RunRecorder>& recorder, const PreparedRun& prepared,
+                   std::vector<SignalInfo> signals) {
+  if (prepared.wire) append(signals, prepared.wire->signals());
+  recorder.emplace(prepared.info, std::move(signals), prepared.folder);
+}
+
+record::WireSignals* wire_of(PreparedRun& prepared) {
+  return prepared.wire ? &*prepared.wire : nullptr;
+}
+
 using Ports = std::vector<std::unique_ptr<runtime::ParticipantPort>>;
 
 /// @returns how it ended; the recording is not yet finished.
-bus::RunOutcome run_in_virtual_time(const PreparedRun& prepared, const RunRequest& request, const Ports& ports,
+bus::RunOutcome run_in_virtual_time(PreparedRun& prepared, const RunRequest& request, const Ports& ports,
                                     bus::Outside* outside, std::optional<record::RunRecorder>& recorder) {
   std::vector<SignalInfo> signals;
-  for (const auto& port : ports) signals.insert(signals.end(), port->signals().begin(), port->signals().end());
-  recorder.emplace(prepared.info, std::move(signals), prepared.folder);
+  for (const auto& port : ports) append(signals, port->signals());
+  open_recorder(recorder, prepared, std::move(signals));
   Progress progress{prepared.run.label(), prepared.run.duration, request.quiet};
-  Observer observer{*recorder, progress};
+  Observer observer{*recorder, wire_of(prepared), progress};
   Injection faults{prepared.faults, prepared.run.seed, to_pointers(ports), observer};
   bus::RunMedia media{.lines = prepared.run.rig.lines, .outside = outside, .intervention = &faults.injector()};
   const config::RigBus& can = prepared.run.rig.bus;
@@ -273,7 +319,7 @@ void print_invitation(const PreparedRun& prepared, const bus::Broker& broker) {
   fmt::print(stderr, "\n");
 }
 
-record::Recording run_in_lockstep(const PreparedRun& prepared, const RunRequest& request) {
+record::Recording run_in_lockstep(PreparedRun& prepared, const RunRequest& request) {
   const OneProcessor pinned;
   RunTap tap{request};
   bus::Broker broker{choose_bus_name(request)};
@@ -291,7 +337,7 @@ record::Recording run_in_lockstep(const PreparedRun& prepared, const RunRequest&
   return recorder->finish(to_ending(end_programs(std::move(outcome), joined, programs)));
 }
 
-record::Recording run_at_wall_clock(const PreparedRun& prepared, const RunRequest& request) {
+record::Recording run_at_wall_clock(PreparedRun& prepared, const RunRequest& request) {
   if (request.rt_priority) runtime::take_priority(*request.rt_priority);  // The relay is part of the way of a frame.
   std::optional<link::SocketCanLink> kernel_bus;
   if (!request.can.empty()) {
@@ -307,14 +353,15 @@ record::Recording run_at_wall_clock(const PreparedRun& prepared, const RunReques
   Progress progress{prepared.run.label(), prepared.run.duration, request.quiet};
   bus::WallClockRelay relay{joined, broker, kernel_bus ? &*kernel_bus : nullptr, prepared.run.record_period,
                             tap.outside()};
-  record::RunRecorder recorder{prepared.info, relay.signals(), prepared.folder};
-  Observer observer{recorder, progress};
+  std::optional<record::RunRecorder> recorder;
+  open_recorder(recorder, prepared, relay.signals());
+  Observer observer{*recorder, wire_of(prepared), progress};
   const auto started = Clock::now();
   const bus::RunOutcome outcome = relay.run(prepared.run.duration, prepared.pace.speed, observer);
   const double elapsed_s = std::chrono::duration<double>(Clock::now() - started).count();
   record::Ending ending = to_ending(end_programs(outcome, joined, programs));
   ending.real_time_factor = to_s(ending.at) / elapsed_s;
-  return recorder.finish(std::move(ending));
+  return recorder->finish(std::move(ending));
 }
 
 /// An event that nobody obeys would be a fault that never happens.
@@ -356,20 +403,17 @@ PreparedRun prepare(scenario::ResolvedRun run, std::filesystem::path folder, con
   if (request.rt_priority && pace.is_virtual()) {
     throw std::invalid_argument{"--rt is for wall-clock pace: virtual time waits for everybody"};
   }
-  PreparedRun prepared{std::move(run), std::move(folder), pace, {}, {}, {}, nullptr, nullptr};
+  PreparedRun prepared{std::move(run), std::move(folder), pace, {}, {}, {}, nullptr, nullptr, std::nullopt};
   const config::Section& root = prepared.run.root;
   const config::Rig& rig = prepared.run.rig;
   std::vector<SignalInfo> signals;
-  const auto offer = [&signals](const Participant& participant) {
-    signals.insert(signals.end(), participant.signals().begin(), participant.signals().end());
-  };
   if (!rig.controller_is_external) {
     prepared.controller = std::make_unique<machine::Controller>(machine::read_settings(root));
-    offer(*prepared.controller);
+    append(signals, prepared.controller->signals());
   }
   if (rig.has_emulated_board()) {
     prepared.plant = std::make_unique<emulator::Emulator>(emulator::read_settings(root, rig), prepared.run.seed);
-    offer(*prepared.plant);
+    append(signals, prepared.plant->signals());
   }
   prepared.info = make_info(prepared, request);
   prepared.info.unseen = name_unseen(prepared);
@@ -380,6 +424,12 @@ PreparedRun prepare(scenario::ResolvedRun run, std::filesystem::path folder, con
                               "drop --pace and --can"};
   }
   prepared.checks = check::read_checks(prepared.run.root);
+  const std::vector<std::string> asked_for = prepared.checks.signal_names();
+  const auto is_of_wire = [](const std::string& name) { return name.starts_with("wire."); };
+  if (rig.has_real_board() || rig.controller_is_external || std::ranges::any_of(asked_for, is_of_wire)) {
+    prepared.wire.emplace(rig.boards, asked_for);
+    append(signals, prepared.wire->signals());
+  }
   record::RunInfo known = prepared.info;
   if (!prepared.controller) known.unseen.emplace_back(kController);  // Its signals are known when it has joined.
   prepared.checks.require_signals(signals, known);

@@ -2,11 +2,13 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "bench/check/read_checks.hpp"
 #include "bench/cli/run_request.hpp"
 #include "bench/record/recording.hpp"
+#include "bench/record/wire_signals.hpp"
 #include "bench/scenario/scenario.hpp"
 #include "protocols/fault/fault.hpp"
 #include "protocols/participant/participant.hpp"
@@ -23,6 +25,7 @@ struct PreparedRun {
   std::vector<fault::Fault> faults;
   std::unique_ptr<Participant> controller;  ///< Null: external.
   std::unique_ptr<Participant> plant;       ///< Null: every board is real.
+  std::optional<record::WireSignals> wire;  ///< Recorded where parts are not ours, or a check asks for it.
 };
 
 /// Reads everything that the run's programs will read, so that every mistake in a file is told before anything starts.
