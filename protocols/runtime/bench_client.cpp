@@ -30,6 +30,11 @@ void BenchClient::report(Instant at, std::span<const Event> events, std::span<co
   if (socket_.try_send(writer_.bytes()) == link::SendStatus::kDown) lost_ = true;
 }
 
+void BenchClient::report_timing(const LogHistogram& lateness) noexcept {
+  write_timing(writer_, lateness);
+  if (socket_.try_send(writer_.bytes()) == link::SendStatus::kDown) lost_ = true;
+}
+
 void BenchClient::poll_stop() noexcept {
   while (receive()) {
   }

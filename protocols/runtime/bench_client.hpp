@@ -10,7 +10,7 @@ namespace meltbench::runtime {
 class BenchClient final : public link::CanLink {
  public:
   /// @param socket  connected and welcomed.
-  explicit BenchClient(link::BenchSocket socket) : socket_{std::move(socket)} {}
+  explicit BenchClient(link::BenchSocket socket) : socket_{std::move(socket)} { writer_.reserve(kUsualMessageSize); }
 
   [[nodiscard]] link::SendStatus send(const can::CanFrame& frame) noexcept override;
   [[nodiscard]] std::optional<link::ReceivedFrame> receive() noexcept override;
@@ -20,12 +20,15 @@ class BenchClient final : public link::CanLink {
 
   /// Sends what is to be recorded; dropped when the broker does not keep up.
   void report(Instant at, std::span<const Event> events, std::span<const double> signals) noexcept;
+  void report_timing(const LogHistogram& lateness) noexcept;
   /// Looks for a Stop; call it where receive() is not called.
   void poll_stop() noexcept;
   [[nodiscard]] bool stopped() const noexcept { return stopped_; }
   [[nodiscard]] bool lost() const noexcept { return lost_; }
 
  private:
+  static constexpr std::size_t kUsualMessageSize = 16 * 1024;  // Frames, signals and lateness; events come on top.
+
   link::BenchSocket socket_;
   link::MessageWriter writer_;
   link::LinkCounters counters_;

@@ -268,6 +268,32 @@ std::optional<Instant> read_report(std::span<const std::uint8_t> message, std::v
   return at;
 }
 
+void write_timing(MessageWriter& writer, const LogHistogram& lateness) {
+  writer.begin(MessageType::kTiming);
+  writer.put(lateness.max());
+  writer.put(lateness.max_at());
+  for (std::size_t bucket = 0; bucket < LogHistogram::kBuckets; ++bucket) {
+    if (lateness.in_bucket(bucket) == 0) continue;
+    writer.put(static_cast<std::uint16_t>(bucket));
+    writer.put(lateness.in_bucket(bucket));
+  }
+}
+
+bool read_timing(std::span<const std::uint8_t> message, LogHistogram& lateness) {
+  auto reader = open(message, MessageType::kTiming);
+  lateness = {};
+  if (!reader) return false;
+  const auto max = reader->take<Nanos>();
+  lateness.set_max(max, reader->take<Instant>());
+  while (reader->ok() && !reader->complete()) {
+    const auto bucket = reader->take<std::uint16_t>();
+    const auto count = reader->take<std::uint64_t>();
+    if (!reader->ok() || bucket >= LogHistogram::kBuckets) return false;
+    lateness.add_bucket(bucket, count);
+  }
+  return reader->complete();
+}
+
 void write_frame(MessageWriter& writer, Nanos at_monotonic, const can::CanFrame& frame) {
   writer.begin(MessageType::kFrames);
   writer.put_frame(Instant{at_monotonic}, frame);

@@ -8,6 +8,7 @@
 
 #include "protocols/link/bench_message.hpp"
 #include "protocols/participant/participant.hpp"
+#include "protocols/time/log_histogram.hpp"
 
 namespace meltbench::runtime {
 
@@ -53,6 +54,11 @@ void write_report(link::MessageWriter& writer, Instant at, std::span<const Event
 /// @returns the instant, or nothing on nonsense.
 [[nodiscard]] std::optional<Instant> read_report(std::span<const std::uint8_t> message, std::vector<Event>& events,
                                                  std::span<double> signals);
+
+/// Wall clock: how late the program's wake-ups were, since its start.
+void write_timing(link::MessageWriter& writer, const LogHistogram& lateness);
+/// @returns false on nonsense; the histogram then is not to be used.
+[[nodiscard]] bool read_timing(std::span<const std::uint8_t> message, LogHistogram& lateness);
 
 /// Wall clock: frames on the embedded bus, with the CLOCK_MONOTONIC reading of their sending.
 void write_frame(link::MessageWriter& writer, Nanos at_monotonic, const can::CanFrame& frame);

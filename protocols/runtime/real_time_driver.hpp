@@ -1,12 +1,15 @@
 #pragma once
 
-#include <deque>
+#include <cstddef>
+#include <vector>
 
 #include "protocols/link/can_link.hpp"
+#include "protocols/link/unique_fd.hpp"
 #include "protocols/participant/participant.hpp"
 #include "protocols/runtime/bench_client.hpp"
 #include "protocols/runtime/lockstep_driver.hpp"
 #include "protocols/runtime/real_time_clock.hpp"
+#include "protocols/time/log_histogram.hpp"
 
 namespace meltbench::runtime {
 
@@ -14,27 +17,63 @@ namespace meltbench::runtime {
 /// A deadline is missed when the wake-up comes more than one record period late.
 [[nodiscard]] std::vector<SignalInfo> real_time_signals(std::string_view participant_name);
 
+/// Frames that wait for room in the transmit queue, oldest first. Holds a fixed number, and never allocates.
+class FrameQueue {
+ public:
+  static constexpr std::size_t kCapacity = 1024;  ///< More is a bus that does not move.
+
+  FrameQueue() : frames_(kCapacity) {}
+  [[nodiscard]] bool empty() const { return size_ == 0; }
+  [[nodiscard]] bool full() const { return size_ == kCapacity; }
+  [[nodiscard]] std::size_t size() const { return size_; }
+  [[nodiscard]] const can::CanFrame& front() const { return frames_[first_]; }
+  /// @pre !full()
+  void push(const can::CanFrame& frame) { frames_[(first_ + size_++) % kCapacity] = frame; }
+  /// @pre !empty()
+  void pop() {
+    first_ = (first_ + 1) % kCapacity;
+    --size_;
+  }
+  void clear() { size_ = 0; }
+
+ private:
+  std::vector<can::CanFrame> frames_;
+  std::size_t first_ = 0;
+  std::size_t size_ = 0;
+};
+
 /// Real-time driver: CLOCK_MONOTONIC, absolute deadlines, one thread.
+///
+/// It sleeps in one poll on the link, the bench, and a timer that the kernel sets off at the deadline itself, so that
+/// nothing that happens before the sleep begins makes the wake-up later. How late each wake-up at a deadline was is
+/// counted. In the steady state the loop allocates nothing but for events.
 ///
 /// The participant is woken at its deadline or when a frame arrives. A frame that the full transmit queue refuses waits
 /// here, in order, and is tried again every 200 us of wall-clock time; a link that is down is looked for every 100 ms,
 /// what waited for it is dropped and counted, and the participant is told of both edges.
 class RealTimeDriver {
  public:
-  /// @param bench  where to report to and who says stop; null: none; events go to the log, and
+  /// @param bench  where to report to and who says stop; null: none; events and at last the lateness go to the log, and
   /// the run ends by signal.
+  /// @throws link::LinkError if the kernel gives no timer.
   RealTimeDriver(Participant& participant, link::CanLink& can, BenchClient* bench, const link::Welcome& timing);
 
   [[nodiscard]] DriverEnd run();
 
+  /// Of all wake-ups at a deadline but the first, in bench time.
+  [[nodiscard]] const LogHistogram& lateness() const { return lateness_; }
+
  private:
   void wait_for_work();
+  void set_timer(Nanos until);
+  void note_lateness(Instant deadline);
   void collect_frames();
   void wake();
   void send_waiting();
   void note_link(bool up);
   void report();
   void log_events();
+  void log_lateness() const;
   [[nodiscard]] bool finished() const;
 
   Participant& participant_;
@@ -43,19 +82,23 @@ class RealTimeDriver {
   RealTimeClock clock_;
   Nanos record_period_;
   Instant next_record_{};
+  Instant next_timing_{1s};  ///< When the lateness is reported next.
 
+  link::UniqueFd timer_;
+  Nanos timer_at_{};  ///< What it is set to.
   Instant now_{};
   Outbox out_;
   bool link_up_ = true;
   Nanos next_link_check_{};  ///< On CLOCK_MONOTONIC, while the link is down.
   std::vector<can::StampedFrame> arrived_;
-  std::deque<can::CanFrame> waiting_;  ///< To be sent.
-  std::vector<Event> events_;          ///< To be reported.
+  FrameQueue waiting_;         ///< To be sent.
+  std::vector<Event> events_;  ///< To be reported.
   std::vector<double> signals_;
 
+  bool was_woken_ = false;
   std::uint64_t deadline_misses_ = 0;
   std::uint64_t frames_lost_ = 0;
-  Nanos worst_lateness_{};
+  LogHistogram lateness_;
 };
 
 }  // namespace meltbench::runtime

@@ -89,3 +89,19 @@ TEST_CASE("Bench protocol: random bytes are refused and harm nobody", "[runtime]
   }
   CHECK(accepted == 0);
 }
+
+TEST_CASE("Bench protocol: lateness comes back with its buckets, and a torn message is refused", "[runtime]") {
+  LogHistogram lateness;
+  lateness.add(17us, Instant{1s});
+  lateness.add(17us, Instant{2s});
+  lateness.add(3ms, Instant{3s});
+  link::MessageWriter writer;
+  write_timing(writer, lateness);
+  LogHistogram read;
+  REQUIRE(read_timing(writer.bytes(), read));
+  CHECK(read.count() == 3);
+  CHECK(read.max() == 3ms);
+  CHECK(read.max_at() == Instant{3s});
+  CHECK(read.quantile(0.5) == lateness.quantile(0.5));
+  CHECK_FALSE(read_timing(writer.bytes().first(writer.bytes().size() - 1), read));
+}

@@ -49,6 +49,17 @@ class DrivenMetronome {
   }
   void unplug() { bus_ = link::UniqueFd{}; }
 
+  /// How late the wake-ups were, as told last of all. @pre stop()
+  [[nodiscard]] LogHistogram receive_last_timing() {
+    LogHistogram lateness;
+    LogHistogram read;
+    std::span<const std::uint8_t> message;
+    while (bench_->receive(message) == link::ReceiveStatus::kMessage) {
+      if (read_timing(message, read)) lateness = read;
+    }
+    return lateness;
+  }
+
   /// The next report: sent, received, deadline misses, frames lost, worst lateness.
   [[nodiscard]] std::array<double, 5> receive_report(std::vector<Event>& events) {
     std::span<const std::uint8_t> message;
@@ -95,4 +106,14 @@ TEST_CASE("Real-time driver: an unplugged link is told to the bench, and what ca
   CHECK(events.front().code == "link-down");
   while (driven.receive_report(events)[3] < 5) CHECK(events.empty());
   CHECK(driven.stop() == DriverEnd::kStopped);
+}
+
+TEST_CASE("Real-time driver: at its end it tells how late each wake-up at a deadline was", "[runtime]") {
+  DrivenMetronome driven;
+  for (int count = 0; count < 50; ++count) static_cast<void>(driven.receive_frame());
+  CHECK(driven.stop() == DriverEnd::kStopped);
+  const LogHistogram lateness = driven.receive_last_timing();
+  CHECK(lateness.count() > 0);  // One per frame but the first, unless the machine is so slow that frames go together.
+  CHECK(lateness.max() > 0ns);
+  CHECK(lateness.max_at() > Instant{});
 }
