@@ -113,6 +113,7 @@ void WallClockRelay::read_messages(std::size_t number) {
       carry(number, stamped->at.since_start, stamped->frame);
       continue;
     }
+    if (take_lateness(party, message)) continue;
     Report report{{}, std::vector<double>(party.signal_count)};
     if (const auto at = runtime::read_report(message, events_, report.values)) {
       report.at = *at;
@@ -120,6 +121,26 @@ void WallClockRelay::read_messages(std::size_t number) {
       for (const Event& event : events_) observer_->on_event(number, event);
     }
   }
+}
+
+bool WallClockRelay::take_lateness(Party& party, std::span<const std::uint8_t> message) {
+  if (runtime::message_type(message) != link::MessageType::kTiming) return false;
+  LogHistogram read;
+  if (runtime::read_timing(message, read)) party.lateness = read;
+  return true;
+}
+
+std::vector<std::pair<std::string, LogHistogram>> WallClockRelay::collect_lateness() {
+  std::vector<std::pair<std::string, LogHistogram>> all;
+  for (Party& party : parties_) {
+    if (party.is_outsider) continue;
+    std::span<const std::uint8_t> message;
+    while (party.joined->socket.try_receive(message) == link::ReceiveStatus::kMessage) {
+      static_cast<void>(take_lateness(party, message));
+    }
+    all.emplace_back(party.joined->hello.name, party.lateness);
+  }
+  return all;
 }
 
 void WallClockRelay::read_kernel_bus() {

@@ -27,6 +27,9 @@ class WallClockRelay {
   /// Welcomes everybody, runs for `duration` of bench time at `speed` bench seconds per second.
   [[nodiscard]] RunOutcome run(Nanos duration, double speed, RunObserver& observer);
 
+  /// How late the wake-ups of each participant were, by name; complete once the programs have ended.
+  [[nodiscard]] std::vector<std::pair<std::string, LogHistogram>> collect_lateness();
+
   /// Signals of all participants, with those of their real-time drivers, in the order of on_row's values.
   [[nodiscard]] const std::vector<SignalInfo>& signals() const { return signals_; }
 
@@ -40,6 +43,7 @@ class WallClockRelay {
     std::size_t first_signal = 0;
     std::size_t signal_count = 0;
     std::deque<Report> reports;  ///< Newer than the last row.
+    LogHistogram lateness;       ///< As last reported.
     Nanos heard_of{};            ///< CLOCK_MONOTONIC.
     bool gone = false;
     bool is_outsider = false;  ///< Not started by the bench: joined later, and may leave.
@@ -49,6 +53,8 @@ class WallClockRelay {
   void take_newcomer();
   void wait(Nanos until);
   void read_messages(std::size_t number);
+  /// @returns whether it was such a message.
+  [[nodiscard]] static bool take_lateness(Party& party, std::span<const std::uint8_t> message);
   void read_kernel_bus();
   void exchange_with_outside();
   [[nodiscard]] bool all_have_room() const;

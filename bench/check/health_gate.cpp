@@ -66,9 +66,6 @@ void judge_ending(const record::Ending& ending, Findings& findings) {
                              record::to_text(ending.reason), ending.text.empty() ? "" : ": ", ending.text));
   }
   if (ending.lost_frames > 0) findings.add({"lost-frames"}, fmt::format("{} lost frames", ending.lost_frames));
-  if (ending.deadline_misses > 0) {
-    findings.add({"deadline-misses"}, fmt::format("{} deadline misses", ending.deadline_misses));
-  }
 }
 
 void judge_events(const record::Recording& recording, Findings& findings) {

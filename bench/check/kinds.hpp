@@ -172,11 +172,11 @@ struct EventOccurs {
 };
 
 /// The gate that every run passes, asked for or not. Finds: events of Severity kWarning and kFault, error counter
-/// signals that are not zero at the end, EMCY frames with a code other than 0, error frames, lost frames, deadline
-/// misses, and a run that did not come to its end. Whatever is listed in `expect` is no finding:
+/// signals that are not zero at the end, EMCY frames with a code other than 0, error frames, lost frames,
+/// and a run that did not come to its end. Whatever is listed in `expect` is no finding:
 ///   "controller.law-refused"  an event, as source.code       "plant.rejected_feed_count"  an error counter signal
 ///   "emcy:feeder:8130"        an EMCY, node by name or number, code in hex; "emcy:feeder:*" any code
-///   "error-frames"  "lost-frames"  "deadline-misses"
+///   "error-frames"  "lost-frames"
 /// Margin: minus the number of findings.
 struct HealthGate {
   std::vector<std::string> expect;

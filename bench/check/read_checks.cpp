@@ -238,12 +238,12 @@ Check read_check(const Section& section) {
 HealthGate read_health(const Section& section) {
   HealthGate gate{section.texts_or_none("expect")};
   for (const std::string& entry : gate.expect) {
-    const bool is_word = entry == "error-frames" || entry == "lost-frames" || entry == "deadline-misses";
+    const bool is_word = entry == "error-frames" || entry == "lost-frames";
     const bool is_emcy = entry.starts_with("emcy:") && entry.find(':', 5) != std::string::npos;
     if (is_word || is_emcy || entry.find('.') != std::string::npos) continue;
     section.fail("expect", fmt::format("holds \"{}\", which names nothing that the health gate finds", entry),
-                 "\"source.event-code\", \"emcy:feeder:8130\", an error counter signal, \"error-frames\", "
-                 "\"lost-frames\" or \"deadline-misses\"");
+                 "\"source.event-code\", \"emcy:feeder:8130\", an error counter signal, \"error-frames\" or "
+                 "\"lost-frames\"");
   }
   section.finish();
   return gate;

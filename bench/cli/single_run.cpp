@@ -361,6 +361,7 @@ record::Recording run_at_wall_clock(PreparedRun& prepared, const RunRequest& req
   const double elapsed_s = std::chrono::duration<double>(Clock::now() - started).count();
   record::Ending ending = to_ending(end_programs(outcome, joined, programs));
   ending.real_time_factor = to_s(ending.at) / elapsed_s;
+  for (auto& [name, lateness] : relay.collect_lateness()) ending.wakeups.push_back({name, lateness});
   return recorder->finish(std::move(ending));
 }
 

@@ -145,15 +145,26 @@ EndReason read_reason(const Json& text) {
   return EndReason::kCutShort;
 }
 
+WakeupTiming read_wakeups(const Json& object) {
+  WakeupTiming timing{object.at("participant").get<std::string>(), {}};
+  for (const Json& bucket : object.at("buckets")) {
+    const auto index = bucket.at(0).get<std::size_t>();
+    if (index < LogHistogram::kBuckets) timing.lateness.add_bucket(index, bucket.at(1).get<std::uint64_t>());
+  }
+  timing.lateness.set_max(Nanos{object.at("max_ns").get<Nanos::rep>()},
+                          Instant{Nanos{object.at("max_at_ns").get<Nanos::rep>()}});
+  return timing;
+}
+
 Ending read_end(const Json& end) {
   Ending ending;
   ending.at = Instant{nanos_from_s(end.at("t_s").get<double>())};
   ending.reason = read_reason(end.at("reason"));
   end.at("text").get_to(ending.text);
   end.at("lost_frames").get_to(ending.lost_frames);
-  end.at("deadline_misses").get_to(ending.deadline_misses);
   if (const Json& factor = end.at("real_time_factor"); !factor.is_null())
     ending.real_time_factor = factor.get<double>();
+  for (const Json& timing : end.value("wakeups", Json::array())) ending.wakeups.push_back(read_wakeups(timing));
   return ending;
 }
 

@@ -13,6 +13,7 @@
 #include "protocols/can/frame.hpp"
 #include "protocols/participant/participant.hpp"
 #include "protocols/time/instant.hpp"
+#include "protocols/time/log_histogram.hpp"
 
 namespace meltbench::record {
 
@@ -64,14 +65,20 @@ enum class EndReason : std::uint8_t {
 };
 [[nodiscard]] std::string_view to_text(EndReason reason);
 
+/// How late the wake-ups of a participant were: at its deadlines, at wall-clock pace.
+struct WakeupTiming {
+  std::string participant;
+  LogHistogram lateness;
+};
+
 /// How a run ended, as the runner saw it.
 struct Ending {
   EndReason reason = EndReason::kCompleted;
   std::string text;                        ///< For people: which participant was lost and how. Empty if completed.
   Instant at;                              ///< Last instant of the run.
   std::uint64_t lost_frames = 0;           ///< Sent or received, but dropped by a full queue or a link that was down.
-  std::uint64_t deadline_misses = 0;       ///< Wake-ups that came too late (real time only).
   std::optional<double> real_time_factor;  ///< Only for wall-clock paces: a virtual run must give the same bytes again.
+  std::vector<WakeupTiming> wakeups;       ///< Likewise.
 };
 
 struct RecordedFrame {

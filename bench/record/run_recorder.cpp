@@ -73,15 +73,28 @@ Json describe_run(const Recording& recording) {
   return run;
 }
 
+/// Bucket numbers of LogHistogram with their counts; those that are empty are left out.
+Json describe_wakeups(const WakeupTiming& timing) {
+  const LogHistogram& lateness = timing.lateness;
+  Json buckets = Json::array();
+  for (std::size_t bucket = 0; bucket < LogHistogram::kBuckets; ++bucket) {
+    if (lateness.in_bucket(bucket) > 0) buckets.push_back({bucket, lateness.in_bucket(bucket)});
+  }
+  return Json{{"participant", timing.participant},
+              {"max_ns", lateness.max().count()},
+              {"max_at_ns", lateness.max_at().since_start.count()},
+              {"buckets", std::move(buckets)}};
+}
+
 Json describe_end(const Ending& ending) {
   Json end{{"type", "end"},
            {"t_s", to_s(ending.at)},
            {"reason", to_text(ending.reason)},
            {"text", ending.text},
            {"lost_frames", ending.lost_frames},
-           {"deadline_misses", ending.deadline_misses},
            {"real_time_factor", nullptr}};
   if (ending.real_time_factor) end["real_time_factor"] = *ending.real_time_factor;
+  for (const WakeupTiming& timing : ending.wakeups) end["wakeups"].push_back(describe_wakeups(timing));
   return end;
 }
 

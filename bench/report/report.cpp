@@ -11,6 +11,7 @@
 #include "bench/report/page_assets.hpp"
 #include "bench/report/plots.hpp"
 #include "bench/report/profiles.hpp"
+#include "bench/report/response.hpp"
 #include "bench/report/sections.hpp"
 #include "bench/report/whole_file.hpp"
 
@@ -120,6 +121,7 @@ std::string render_report(std::span<const Run> runs) {
   page += render_plots(runs, plots, !profiles.empty());
   page += render_what_was_run(runs);
   page += render_events(runs);
+  page += render_responses(runs);
   page += render_frame_timing(runs);
   page += render_bus(runs);
   page += fmt::format("<footer>{}. Plots by dygraphs (MIT license).</footer>\n",

@@ -10,7 +10,7 @@
 namespace meltbench::report {
 
 /// result.json: scenario, variant (if any), seed, held, real_time_factor (null in virtual time), end, checks, bus,
-/// health, signals. Same recording, same bytes. A margin that is not finite is null.
+/// health, responses, signals. Same recording, same bytes. A margin that is not finite is null.
 [[nodiscard]] std::string write_result_json(const record::Recording& recording, const check::CheckResults& results);
 
 /// JUnit XML as Jenkins and GitLab read it: one suite per run, one test case per check, skipped ones marked.
