@@ -3,7 +3,7 @@
 BIN := build/release/bin
 RUN_OUT := build/run
 
-.PHONY: run test build bench asan tsan fuzz deps clean
+.PHONY: run test build bench bench-realtime asan tsan fuzz deps clean
 
 run: build
 	@$(BIN)/meltbench run fixtures/scenarios/delay_compensation.toml --out $(RUN_OUT)
@@ -20,6 +20,10 @@ build: deps
 bench: build
 	@cmake --build --preset release --target meltbench_benchmarks
 	@$(BIN)/meltbench_benchmarks
+
+bench-realtime: build
+	@cmake --build --preset release --target meltbench_wakeup_lateness
+	@bench/benchmark/realtime/compare.sh $(BIN)
 
 asan tsan: deps
 	@cmake --preset $@ >build/configure.log 2>&1 || { cat build/configure.log; exit 1; }

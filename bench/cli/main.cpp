@@ -49,6 +49,7 @@ struct Words {
   cli::ReplayRequest replay;
   std::filesystem::path from;
   std::filesystem::path to;
+  cli::Examination examination;
 };
 
 CLI::App* add_run_command(CLI::App& app, Words& words) {
@@ -163,7 +164,7 @@ ExitStatus dispatch(CLI::App& app, Words& words) {
   if (app.got_subcommand("check")) return cli::check_again(words.folders, words.scenario);
   if (app.got_subcommand("replay")) return cli::replay_log(words.replay);
   if (app.got_subcommand("convert")) return cli::convert_log(words.from, words.to);
-  return cli::examine_machine();
+  return cli::examine_machine(words.examination);
 }
 
 }  // namespace
@@ -189,7 +190,9 @@ int main(int argc, char** argv) {
   convert->add_option("to", words.to, "NAME.log (candump text), NAME.asc, NAME.blf; .gz packs the text forms")
       ->required();
   add_replay_command(app, words.replay);
-  app.add_subcommand("doctor", "Say what this machine offers, and how to get what is missing");
+  CLI::App* doctor = app.add_subcommand("doctor", "Say what this machine offers, and how to get what is missing");
+  doctor->add_option("--rig", words.examination.rig, "A rig: compare its bit rate, look for its boards");
+  doctor->add_option("--can", words.examination.can, "A kernel interface: listen for two seconds who is there");
   try {
     app.parse(argc, argv);
     return static_cast<int>(dispatch(app, words));

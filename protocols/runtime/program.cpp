@@ -78,10 +78,7 @@ int run_program(Participant& participant, const ProgramOptions& options) {
   spdlog::set_default_logger(spdlog::stderr_color_mt(std::string{participant.name()}));
   spdlog::set_pattern("%^%l%$ %v");
   catch_stop_signals();
-  if (options.rt_priority > 0) {
-    lock_memory();
-    take_priority(options.rt_priority);
-  }
+  if (options.rt_priority > 0) become_real_time(options.rt_priority);
   const link::BusUri uri = link::parse_bus_uri(options.can);
   if (uri.kind == link::BusUri::Kind::kVirtual) return run_on_embedded_bus(participant, uri.name);
   return run_on_kernel_bus(participant, uri.name, options.bench);

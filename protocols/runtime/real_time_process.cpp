@@ -1,15 +1,19 @@
 #include "protocols/runtime/real_time_process.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <malloc.h>
 #include <sched.h>
 #include <sys/mman.h>
+#include <unistd.h>
 
 #include <array>
 #include <cerrno>
+#include <cstdint>
 #include <cstring>
 
 #include "protocols/link/can_link.hpp"
+#include "protocols/link/unique_fd.hpp"
 
 namespace meltbench::runtime {
 namespace {
@@ -24,6 +28,24 @@ constexpr std::size_t kStackBytes = 256 * 1024;  // Far more than the deepest lo
   for (std::size_t at = 0; at < room.size(); at += kPage) first[at] = 0;
 }
 
+void lock_memory() {
+  if (::mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {
+    throw link::LinkError{fmt::format("cannot lock memory: {}", std::strerror(errno)),
+                          "\"meltbench doctor\" says how a user may lock memory; without --rt nothing is locked"};
+  }
+  // What the heap once had stays with it: giving memory back and getting it again costs page faults.
+  ::mallopt(M_TRIM_THRESHOLD, -1);
+  ::mallopt(M_MMAP_MAX, 0);
+  touch_stack();
+}
+
+/// A processor that comes out of a deep sleep is late by up to some 100 us. The wish lasts as long as the file is open.
+void keep_processors_awake() {
+  static const link::UniqueFd wish{::open("/dev/cpu_dma_latency", O_WRONLY | O_CLOEXEC)};
+  constexpr std::int32_t kLatency_us = 0;
+  if (wish) static_cast<void>(!::write(wish.get(), &kLatency_us, sizeof kLatency_us));
+}
+
 }  // namespace
 
 void take_priority(int priority) {
@@ -34,15 +56,10 @@ void take_priority(int priority) {
                         "scheduling of the user"};
 }
 
-void lock_memory() {
-  if (::mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {
-    throw link::LinkError{fmt::format("cannot lock memory: {}", std::strerror(errno)),
-                          "\"meltbench doctor\" says how a user may lock memory; without --rt nothing is locked"};
-  }
-  // What the heap once had stays with it: giving memory back and getting it again costs page faults.
-  ::mallopt(M_TRIM_THRESHOLD, -1);
-  ::mallopt(M_MMAP_MAX, 0);
-  touch_stack();
+void become_real_time(int priority) {
+  lock_memory();
+  take_priority(priority);
+  keep_processors_awake();
 }
 
 }  // namespace meltbench::runtime
