@@ -19,6 +19,7 @@ namespace {
 constexpr Nanos kRetryPeriod = 200us;  // One frame of 8 bytes takes 220 us at 500 kbit/s.
 constexpr Nanos kLinkCheckPeriod = 100ms;
 constexpr Nanos kTimingPeriod = 1s;
+constexpr std::size_t kUsualBurst = 1024;  // Frames in one wake-up, after some 100 ms without one on a full bus.
 
 spdlog::level::level_enum to_level(Severity severity) {
   switch (severity) {
@@ -57,7 +58,8 @@ RealTimeDriver::RealTimeDriver(Participant& participant, link::CanLink& can, Ben
   if (!timer_) {
     throw link::LinkError{fmt::format("the kernel gives no timer: {}", std::strerror(errno)), "see \"ulimit -n\""};
   }
-  arrived_.reserve(256);
+  arrived_.reserve(kUsualBurst);
+  out_.frame_queue().reserve(kUsualBurst);
   events_.reserve(64);
   out_.wake_at(Instant{});
 }
