@@ -4,6 +4,7 @@
 #include <poll.h>
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include "protocols/runtime/real_time_driver.hpp"
@@ -31,7 +32,10 @@ WallClockRelay::WallClockRelay(std::span<Joined> joined, Broker& broker, link::C
     const auto own = runtime::real_time_signals(program.hello.name);
     signals_.insert(signals_.end(), own.begin(), own.end());
   }
-  values_.resize(signals_.size());
+  // What was not reported yet has no value; a counter that was not reported has counted nothing.
+  for (const SignalInfo& signal : signals_) {
+    values_.push_back(signal.kind == SignalKind::kErrorCounter ? 0.0 : std::numeric_limits<double>::quiet_NaN());
+  }
 }
 
 WallClockRelay::Party& WallClockRelay::add_party(Joined& joined) {

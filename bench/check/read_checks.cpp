@@ -274,6 +274,34 @@ struct SignalsOf {
   }
 };
 
+/// Calls require(key, instant) for every instant that a kind names.
+template <typename Require>
+struct TimesOf {
+  Require require;
+  void operator()(const Moment& moment) const {
+    if (const auto* at = std::get_if<Moment::At>(&moment.what)) require("at_s", at->at);
+  }
+  template <typename K>
+  void operator()(const K& kind) const {
+    if constexpr (requires { kind.window; }) {
+      require("from_s", kind.window.from);
+      require("to_s", kind.window.to);
+    } else if constexpr (std::is_same_v<K, Settle>) {
+      require("within_s", kind.within);
+      require("until_s", kind.until);
+    } else if constexpr (std::is_same_v<K, Response>) {
+      require("from_s", kind.from);
+      require("within_s", kind.within);
+    } else if constexpr (std::is_same_v<K, Reaction>) {
+      (*this)(kind.from);
+      (*this)(kind.to);
+    } else {
+      static_assert(std::is_same_v<K, NeverSettles>);
+      require("over_last_s", Instant{kind.over_last});
+    }
+  }
+};
+
 CheckResult describe(const Health& health) {
   constexpr std::size_t kShown = 3;
   CheckResult result;
@@ -316,6 +344,19 @@ void CheckSet::require_signals(const std::vector<SignalInfo>& signals, const rec
                                              : fmt::format("did you mean \"{}\"?", near));
     };
     std::visit(SignalsOf<decltype(require)>{require}, check.kind);
+  }
+}
+
+void CheckSet::require_times(Nanos duration) const {
+  for (const Check& check : checks) {
+    const auto require = [&](std::string_view key, Instant at) {
+      if (at == Instant::never() || at.since_start <= duration) return;
+      throw config::ConfigError(
+          check.origin,
+          fmt::format("check \"{}\": {} = {} s, but the run ends at {} s", check.name, key, to_s(at), to_s(duration)),
+          "move it, or lengthen scenario.duration_s");
+    };
+    std::visit(TimesOf<decltype(require)>{require}, check.kind);
   }
 }
 

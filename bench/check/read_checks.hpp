@@ -35,6 +35,10 @@ struct CheckSet {
   /// @throws config::ConfigError at the check, naming the nearest signal.
   void require_signals(const std::vector<SignalInfo>& signals, const record::RunInfo& info) const;
 
+  /// Before the run: does every check look at times that the run reaches?
+  /// @throws config::ConfigError at the check, naming the time.
+  void require_times(Nanos duration) const;
+
   /// After the run. Pure: same recording, same results. The health gate comes last.
   [[nodiscard]] CheckResults judge(const record::Recording& recording) const;
 };

@@ -8,6 +8,7 @@
 
 #include "bench/cli/single_run.hpp"
 #include "bench/cli/verdict.hpp"
+#include "bench/record/load_recording.hpp"
 #include "bench/report/report.hpp"
 #include "bench/report/results.hpp"
 #include "protocols/runtime/stop_signal.hpp"
@@ -39,6 +40,28 @@ std::vector<PreparedRun> prepare_all(const RunRequest& request) {
   return prepared;
 }
 
+/// Removes what earlier runs of these scenarios have left below `out` and this one will not replace: a variant that has
+/// another name now would else be found by "meltbench report".
+void remove_old_runs(const std::filesystem::path& out, const std::vector<PreparedRun>& prepared) {
+  std::vector<std::filesystem::path> old;
+  const auto look_at = [&](const std::filesystem::path& folder) {
+    if (std::ranges::find(prepared, folder, &PreparedRun::folder) != prepared.end()) return;
+    const std::string scenario = record::read_scenario_name(folder);
+    const auto is_of_it = [&](const PreparedRun& run) { return run.run.name == scenario; };
+    if (std::ranges::any_of(prepared, is_of_it)) old.push_back(folder);
+  };
+  if (!std::filesystem::is_directory(out)) return;
+  look_at(out);
+  constexpr int kDeepest = 1;  // OUT/SCENARIO/VARIANT
+  for (auto entry = std::filesystem::recursive_directory_iterator{out};
+       entry != std::filesystem::recursive_directory_iterator{}; ++entry) {
+    if (!entry->is_directory()) continue;
+    look_at(entry->path());
+    if (entry.depth() >= kDeepest) entry.disable_recursion_pending();
+  }
+  for (const std::filesystem::path& folder : old) record::remove_run(folder);
+}
+
 JudgedRun run_and_judge(PreparedRun& prepared, const RunRequest& request) {
   const auto started = std::chrono::steady_clock::now();
   JudgedRun judged{execute(prepared, request), {}};
@@ -65,6 +88,7 @@ void write_common_report(const RunRequest& request, const std::vector<JudgedRun>
 
 ExitStatus run_scenarios(const RunRequest& request) {
   std::vector<PreparedRun> prepared = prepare_all(request);
+  remove_old_runs(request.out, prepared);
   runtime::catch_stop_signals();
   std::vector<JudgedRun> judged;
   Tally tally;

@@ -39,7 +39,11 @@ class Observer final : public bus::RunObserver {
  public:
   /// @param wire  null: its signals are not recorded.
   Observer(record::RunRecorder& recorder, record::WireSignals* wire, Progress& progress)
-      : recorder_{recorder}, names_{recorder.recording().info.participants}, wire_{wire}, progress_{progress} {}
+      : recorder_{recorder},
+        names_{recorder.recording().info.participants},
+        wire_{wire},
+        progress_{progress},
+        next_flush_{recorder.recording().info.in_virtual_time() ? Instant::never() : Instant{kFlushPeriod}} {}
 
   void on_frame(const can::StampedFrame& frame, std::size_t sender) override {
     recorder_.frame(frame, static_cast<std::uint8_t>(sender));
@@ -51,6 +55,9 @@ class Observer final : public bus::RunObserver {
   void on_row(Instant at, std::span<const double> values) override {
     recorder_.row(at, wire_ == nullptr ? values : append_wire(at, values));
     if (++rows_ % kRowsPerLook == 0) progress_.at(at);
+    if (at < next_flush_) return;
+    next_flush_ = at + kFlushPeriod;
+    recorder_.flush();
   }
   void on_event(std::size_t participant, const Event& event) override { recorder_.event(name_of(participant), event); }
   void on_join(std::string_view name) override { names_.emplace_back(name); }
@@ -72,6 +79,7 @@ class Observer final : public bus::RunObserver {
   }
 
   static constexpr std::uint64_t kRowsPerLook = 64;
+  static constexpr Nanos kFlushPeriod = 1s;
   record::RunRecorder& recorder_;
   std::vector<std::string> names_;
   record::WireSignals* wire_;
@@ -79,6 +87,7 @@ class Observer final : public bus::RunObserver {
   std::vector<double> row_;
   Progress& progress_;
   std::uint64_t rows_ = 0;
+  Instant next_flush_;  ///< never: the recorder's own blocks do, in virtual time a second is nothing.
 };
 
 /// Participants by number: who goes first at one instant. The controller's SYNC then finds the boards not yet woken.
@@ -123,6 +132,7 @@ record::RunInfo make_info(const PreparedRun& prepared, const RunRequest& request
   info.scenario = run.name;
   info.variant = run.variant;
   info.title = run.variant.empty() ? run.title : run.title + ": " + run.variant_title;
+  info.text = run.text;
   info.seed = run.seed;
   info.duration = run.duration;
   info.pace = prepared.pace.text();
@@ -434,6 +444,7 @@ PreparedRun prepare(scenario::ResolvedRun run, std::filesystem::path folder, con
   record::RunInfo known = prepared.info;
   if (!prepared.controller) known.unseen.emplace_back(kController);  // Its signals are known when it has joined.
   prepared.checks.require_signals(signals, known);
+  prepared.checks.require_times(prepared.run.duration);
   prepared.run.root.finish();
   return prepared;
 }

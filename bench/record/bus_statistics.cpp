@@ -17,22 +17,44 @@ double calc_frame_bits(const can::CanFrame& frame) {
   return (frame.extended ? 67.0 : 47.0) + 8.0 * static_cast<double>(frame.data().size());
 }
 
+/// A node that boots: it comes on the identifier of the heartbeat, and is none.
+bool is_boot_up(const can::CanFrame& frame) {
+  return frame.kind == can::FrameKind::kData && !frame.extended && frame.id >> 7U == 0x0E && frame.length == 1 &&
+         frame.bytes[0] == 0;
+}
+
+/// Gaps between the frames of one identifier; to and from a boot-up there is none.
+class Gaps {
+ public:
+  /// @returns the gap that this frame closes.
+  std::optional<double> take(Instant at, const can::CanFrame& frame) {
+    std::optional<double> gap_s;
+    if (previous_ && !is_boot_up(frame)) gap_s = to_s(at - *previous_);
+    previous_.reset();
+    if (!is_boot_up(frame)) previous_ = at;
+    return gap_s;
+  }
+
+ private:
+  std::optional<Instant> previous_;
+};
+
 struct Tally {
   IdStatistics statistics;
-  Instant first, last;
+  Gaps gaps;
+  std::uint64_t periods = 0;
+  double periods_sum_s = 0;
   double bits = 0;
 };
 
 void count(Tally& tally, const RecordedFrame& recorded) {
   IdStatistics& s = tally.statistics;
-  if (s.frames == 0) {
-    tally.first = recorded.at;
-  } else {
-    const double period_s = to_s(recorded.at - tally.last);
-    s.min_period_s = s.frames == 1 ? period_s : std::min(s.min_period_s, period_s);
-    s.max_period_s = std::max(s.max_period_s, period_s);
+  if (const auto period_s = tally.gaps.take(recorded.at, recorded.frame)) {
+    s.min_period_s = tally.periods == 0 ? *period_s : std::min(s.min_period_s, *period_s);
+    s.max_period_s = std::max(s.max_period_s, *period_s);
+    tally.periods_sum_s += *period_s;
+    ++tally.periods;
   }
-  tally.last = recorded.at;
   ++s.frames;
   s.data_bytes += recorded.frame.data().size();
   tally.bits += calc_frame_bits(recorded.frame);
@@ -70,7 +92,7 @@ BusStatistics calc_bus_statistics(const Recording& recording) {
     IdStatistics& s = tally.statistics;
     std::tie(s.extended, s.id) = key;
     if (!s.extended) s.name = name_cob_id(s.id, recording.info.nodes);
-    if (s.frames > 1) s.mean_period_s = to_s(tally.last - tally.first) / static_cast<double>(s.frames - 1);
+    if (tally.periods > 0) s.mean_period_s = tally.periods_sum_s / static_cast<double>(tally.periods);
     if (load_known) s.load = tally.bits / bits_of_run;
     bits += tally.bits;
     result.frames += s.frames;
@@ -83,13 +105,12 @@ BusStatistics calc_bus_statistics(const Recording& recording) {
 
 std::vector<double> calc_periods_s(const FrameLog& frames, std::uint32_t id, bool extended) {
   std::vector<double> periods;
-  std::optional<Instant> previous;
+  Gaps gaps;
   for (std::size_t i = 0; i < frames.size(); ++i) {
     if (frames.id(i) != id) continue;
     const RecordedFrame recorded = frames[i];
     if (recorded.frame.extended != extended || recorded.frame.kind == can::FrameKind::kError) continue;
-    if (previous) periods.push_back(to_s(recorded.at - *previous));
-    previous = recorded.at;
+    if (const auto period_s = gaps.take(recorded.at, recorded.frame)) periods.push_back(*period_s);
   }
   return periods;
 }

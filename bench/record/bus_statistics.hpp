@@ -11,7 +11,8 @@
 
 namespace meltbench::record {
 
-/// Traffic of one identifier. Periods are the gaps between its consecutive frames.
+/// Traffic of one identifier. Periods are the gaps between its consecutive frames, a boot-up
+/// (first frame of a node, on the identifier of its heartbeat) left out.
 struct IdStatistics {
   std::uint32_t id = 0;
   bool extended = false;
@@ -36,7 +37,7 @@ struct BusStatistics {
 
 [[nodiscard]] BusStatistics calc_bus_statistics(const Recording& recording);
 
-/// Gaps between consecutive frames of one identifier [s], oldest first.
+/// Gaps between consecutive frames of one identifier [s], oldest first; those beside a boot-up are left out.
 [[nodiscard]] std::vector<double> calc_periods_s(const FrameLog& frames, std::uint32_t id, bool extended);
 
 /// Meaning of an 11-bit identifier in the CANopen predefined connection set, with the node's name where it has one:

@@ -119,6 +119,7 @@ void read_run(const Json& run, Recording& recording, std::vector<std::string>& e
   run.at("scenario").get_to(info.scenario);
   run.at("variant").get_to(info.variant);
   run.at("title").get_to(info.title);
+  run.at("text").get_to(info.text);
   run.at("seed").get_to(info.seed);
   info.duration = Nanos{run.at("duration_ns").get<std::int64_t>()};
   run.at("pace").get_to(info.pace);
@@ -225,6 +226,24 @@ Recording load_recording(const std::filesystem::path& folder) {
     recording.notes.push_back((folder / "events.jsonl").string() + ": has no end record: the run was cut short");
   }
   return recording;
+}
+
+std::string read_scenario_name(const std::filesystem::path& folder) {
+  std::ifstream file{folder / "events.jsonl", std::ios::binary};
+  std::string line;
+  std::getline(file, line);
+  const Json run = Json::parse(line, nullptr, false);
+  if (!run.is_object() || run.value("type", "") != "run") return {};
+  return run.value("scenario", "");
+}
+
+void remove_run(const std::filesystem::path& folder) {
+  for (const char* ours : {"bus.log", "serial.log", "signals.csv", "events.jsonl", "result.json", "junit.xml",
+                           "report.html", "repro.toml"}) {
+    std::filesystem::remove(folder / ours);
+  }
+  std::error_code not_empty;
+  std::filesystem::remove(folder, not_empty);
 }
 
 }  // namespace meltbench::record

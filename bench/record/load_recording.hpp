@@ -24,4 +24,10 @@ class LoadError : public std::runtime_error {
 /// @throws LoadError if bus.log, signals.csv or events.jsonl is missing or holds a line that no recorder writes.
 [[nodiscard]] Recording load_recording(const std::filesystem::path& folder);
 
+/// The scenario that a run folder is of; empty if it is no run folder.
+[[nodiscard]] std::string read_scenario_name(const std::filesystem::path& folder);
+
+/// Removes the files of a run from its folder, and the folder if nothing else is in it. What is not ours stays.
+void remove_run(const std::filesystem::path& folder);
+
 }  // namespace meltbench::record

@@ -35,7 +35,8 @@ struct NodeName {
 struct RunInfo {
   std::string scenario;  ///< Short name, "delay_compensation".
   std::string variant;   ///< Empty if the scenario has none.
-  std::string title;     ///< For people.
+  std::string title;     ///< For people; ends with that of the variant, if it has one.
+  std::string text;      ///< For people: what the scenario shows. May be empty.
   std::uint64_t seed = 0;
   Nanos duration{};                       ///< As asked for; Ending::at says how far it came.
   std::string pace = "lockstep";          ///< "lockstep", "in-process", "realtime" or "realtime:F".

@@ -59,6 +59,7 @@ Json describe_run(const Recording& recording) {
            {"scenario", info.scenario},
            {"variant", info.variant},
            {"title", info.title},
+           {"text", info.text},
            {"seed", info.seed},
            {"duration_ns", info.duration.count()},
            {"pace", info.pace},

@@ -19,8 +19,24 @@ namespace {
 
 constexpr std::size_t kMaxEventsShown = 200;
 
-std::string heading(std::size_t run, const std::string& name) {
-  return fmt::format("<h3><span class=\"swatch run{}\"></span>{}</h3>\n", run % 8, escape_markup(name));
+/// The name of a run, and what its title says beside what the page is called.
+std::string heading(std::size_t run, const std::string& name, const std::string& title, const std::string& page_title) {
+  const std::string more = title.starts_with(page_title + ": ") ? title.substr(page_title.size() + 2) : std::string{};
+  const bool says_more = !more.empty() && more != name;
+  return fmt::format("<h3><span class=\"swatch run{}\"></span>{}{}</h3>\n", run % 8, escape_markup(name),
+                     says_more ? fmt::format(" <small>{}</small>", escape_markup(more)) : "");
+}
+
+/// What each scenario says of itself, once.
+std::string render_texts(std::span<const Run> runs) {
+  std::string html;
+  std::string_view previous;
+  for (const Run& run : runs) {
+    const std::string& text = run.recording->info.text;
+    if (!text.empty() && text != previous) html += fmt::format("<p>{}</p>\n", escape_markup(text));
+    previous = text;
+  }
+  return html;
 }
 
 /// A time that zooms the plots when clicked.
@@ -254,17 +270,19 @@ std::string render_title(std::span<const Run> runs) {
                                     : fmt::format("{} of {} failed", failed, count_of(total, "check"));
   std::string detail = count_of(runs.size(), "run");
   if (skipped > 0) detail += fmt::format(", {} skipped", count_of(skipped, "check"));
-  return fmt::format("<h1>{}</h1>\n<div class=\"banner {}\"><b>{}</b> <span>in {}</span></div>\n",
-                     escape_markup(make_title(runs)), failed == 0 ? "held" : "failed", verdict, detail);
+  return fmt::format("<h1>{}</h1>\n<div class=\"banner {}\"><b>{}</b> <span>in {}</span></div>\n{}",
+                     escape_markup(make_title(runs)), failed == 0 ? "held" : "failed", verdict, detail,
+                     render_texts(runs));
 }
 
 std::string render_checks(std::span<const Run> runs) {
   const std::vector<std::string> names = name_runs(runs);
+  const std::string page_title = make_title(runs);
   std::string html =
       "<h2>Verdict</h2>\n<p class=\"muted\">The margin is how far a check was from failing, and the time is "
       "when it was nearest to it. Click a time to look at it in the plots.</p>\n";
   for (std::size_t i = 0; i < runs.size(); ++i) {
-    if (runs.size() > 1) html += heading(i, names[i]);
+    if (runs.size() > 1) html += heading(i, names[i], runs[i].recording->info.title, page_title);
     html +=
         "<table class=\"checks\"><thead><tr><th>verdict</th><th>check</th><th class=\"number\">margin</th>"
         "<th class=\"number\">at</th><th>seen</th></tr></thead><tbody>\n";

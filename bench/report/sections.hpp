@@ -19,7 +19,7 @@ namespace meltbench::report {
 /// 0.00028 and "m" -> "280 µm": four digits, with a prefix where the unit takes one.
 [[nodiscard]] std::string format_quantity(double value, const std::string& unit);
 
-[[nodiscard]] std::string render_title(std::span<const Run> runs);   ///< Heading and verdict banner.
+[[nodiscard]] std::string render_title(std::span<const Run> runs);   ///< Heading, verdict banner, what it shows.
 [[nodiscard]] std::string render_checks(std::span<const Run> runs);  ///< Verdict table of each run.
 [[nodiscard]] std::string render_what_was_run(std::span<const Run> runs);
 [[nodiscard]] std::string render_events(std::span<const Run> runs);

@@ -133,6 +133,44 @@ TEST_CASE("Run: no child process outlives a bench that was killed", "[scenario]"
   CHECK(recording.row_count() > 100);
 }
 
+TEST_CASE("Run: a folder of a variant that is gone goes with the next run; what is not ours stays", "[scenario]") {
+  const TemporaryFolder folder;
+  const auto out = folder.path() / "out";
+  const auto variants = [](const std::string& second) {
+    return "[[variant]]\nname = \"one\"\n[[variant]]\nname = \"" + second + "\"\n";
+  };
+  REQUIRE(run_bench({"run", write_scenario(folder.path(), 1, variants("two")), "--in-process", "--out", out}).status ==
+          0);
+  std::filesystem::copy(out / "two", out / "another");
+  std::filesystem::create_directories(out / "other");
+  REQUIRE(run_bench({"run", scenario_file("set_point_step"), "--in-process", "--out", out / "other"}).status == 0);
+  std::ofstream{out / "two/notes.txt"} << "of the user";
+  REQUIRE(
+      run_bench({"run", write_scenario(folder.path(), 1, variants("three")), "--in-process", "--out", out}).status ==
+      0);
+  CHECK(std::filesystem::exists(out / "one/result.json"));
+  CHECK(std::filesystem::exists(out / "three/result.json"));
+  CHECK_FALSE(std::filesystem::exists(out / "another"));
+  CHECK_FALSE(std::filesystem::exists(out / "two/events.jsonl"));
+  CHECK(std::filesystem::exists(out / "two/notes.txt"));
+  CHECK(std::filesystem::exists(out / "other/result.json"));  // A run of another scenario.
+}
+
+TEST_CASE("Run: the command that repeats a run keeps its pace", "[scenario]") {
+  const TemporaryFolder folder;
+  const auto scenario = write_scenario(folder.path(), 0.2);
+  const auto repeat_of = [&](const std::vector<std::string>& pace) {
+    std::vector<std::string> words{"run", scenario, "--seed", "5", "--out", folder.path() / "out"};
+    words.insert(words.end(), pace.begin(), pace.end());
+    static_cast<void>(run_bench(words));
+    return record::load_recording(folder.path() / "out").info.repeat_command;
+  };
+  const std::string command = "meltbench run " + scenario.string() + " --seed 5";
+  CHECK(repeat_of({}) == command);
+  CHECK(repeat_of({"--in-process"}) == command + " --in-process");
+  CHECK(repeat_of({"--pace", "realtime:8"}) == command + " --pace realtime:8");
+}
+
 TEST_CASE("Run: result.json has the names that scripts rely on", "[scenario]") {
   const TemporaryFolder folder;
   const auto scenario = write_scenario(folder.path(), 2, R"(

@@ -178,6 +178,29 @@ TEST_CASE("Check set: a signal that does not exist is found before the run", "[c
   CHECK_THROWS_AS(set.require_signals({}, info), config::ConfigError);
 }
 
+TEST_CASE("Check set: a time beyond the end of the run is refused, with the key that says it", "[check]") {
+  const auto complaint_at = [](const std::string& text, Nanos duration) {
+    try {
+      read("[[check]]\nname=\"late\"\n" + text).require_times(duration);
+    } catch (const config::ConfigError& error) {
+      return std::string{error.what()};
+    }
+    return std::string{};
+  };
+  const std::string band = "kind=\"band\"\nsignal=\"x\"\nmin=0\n";
+  CHECK(complaint_at(band + "from_s=60\nto_s=60\n", 60s).empty());
+  CHECK_THAT(complaint_at(band + "from_s=61\n", 60s), Catch::Contains("from_s = 61") && Catch::Contains("ends at 60"));
+  CHECK_THAT(complaint_at(band + "to_s=61\n", 60s), Catch::Contains("to_s"));
+  const std::string settle = "kind=\"settle\"\nsignal=\"x\"\ntarget=1\ntolerance=1\n";
+  CHECK_THAT(complaint_at(settle + "within_s=61\n", 60s), Catch::Contains("within_s"));
+  CHECK_THAT(complaint_at(settle + "within_s=50\nuntil_s=70\n", 60s), Catch::Contains("until_s"));
+  CHECK_THAT(complaint_at("kind=\"response\"\nsignal=\"x\"\nlevel=1\nwithin_s=70\n", 60s), Catch::Contains("within_s"));
+  CHECK_THAT(complaint_at("kind=\"reaction\"\nfrom={at_s=70}\nto={cob_id=5}\nwithin_ms=1\n", 60s),
+             Catch::Contains("at_s"));
+  CHECK_THAT(complaint_at("kind=\"never_settles\"\nsignal=\"x\"\ntarget=1\ntolerance=1\nover_last_s=70\n", 60s),
+             Catch::Contains("over_last_s"));
+}
+
 TEST_CASE("Check set: results come in order, with the health gate last", "[check]") {
   record::Recording recording;
   recording.signals = {{"plant.x_m"}};

@@ -82,4 +82,25 @@ TEST_CASE("CANopen identifiers: named by service and node", "[record]") {
   CHECK(name_cob_id(0x180, nodes).empty());
 }
 
+TEST_CASE("Bus statistics: a boot-up is no heartbeat, and no period begins or ends with it", "[record]") {
+  Recording recording;
+  const auto heartbeat = [&recording](Nanos at, std::uint8_t state) {
+    recording.frames.push_back(Instant{at}, can::make_frame(0x705, {state}), 0);
+  };
+  heartbeat(0ms, 0x00);
+  heartbeat(470ms, 0x05);  // The first after the master has set the heartbeat time.
+  heartbeat(570ms, 0x05);
+  heartbeat(670ms, 0x05);
+  heartbeat(700ms, 0x00);  // Boots again.
+  heartbeat(900ms, 0x7F);
+  heartbeat(1000ms, 0x7F);
+  const BusStatistics bus = calc_bus_statistics(recording);
+  REQUIRE(bus.ids.size() == 1);
+  CHECK(bus.ids[0].frames == 7);
+  CHECK(bus.ids[0].min_period_s == Approx(0.1));
+  CHECK(bus.ids[0].mean_period_s == Approx(0.1));
+  CHECK(bus.ids[0].max_period_s == Approx(0.1));
+  CHECK(calc_periods_s(recording.frames, 0x705, false).size() == 3);
+}
+
 }  // namespace meltbench::record

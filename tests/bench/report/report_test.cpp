@@ -51,6 +51,19 @@ TEST_CASE("Report: one page without anything from outside, below 3 MB for a minu
   CHECK(count(page, "sourceMappingURL") == 0);
 }
 
+TEST_CASE("Report: what the scenario says of itself stands there once, and each variant has its title", "[report]") {
+  std::vector<SampleRun> samples = make_three(2);
+  const char* const titles[] = {"open loop", "delay ignored", "uncompensated <b>"};
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    samples[i].recording.info.title = std::string{"Three laws: "} + titles[i];
+    samples[i].recording.info.text = "Feed takes seconds <i>to arrive</i>.";
+  }
+  const std::string page = render_report(borrow(samples));
+  CHECK(count(page, "<p>Feed takes seconds &lt;i&gt;to arrive&lt;/i&gt;.</p>") == 1);
+  CHECK(count(page, "open_loop <small>open loop</small></h3>") == 1);
+  CHECK(count(page, "<small>uncompensated &lt;b&gt;</small></h3>") == 1);
+}
+
 TEST_CASE("Report: hostile text stays text", "[report]") {
   const std::vector<SampleRun> samples{make_sample_run(1, 2)};
   const std::string page = render_report(borrow(samples));
