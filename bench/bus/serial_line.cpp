@@ -4,8 +4,11 @@
 
 namespace meltbench::bus {
 
-SerialLine::SerialLine(const serial::LineSettings& settings, std::size_t ends)
-    : settings_{settings}, plugged_(ends, true), busy_until_(ends) {}
+std::size_t SerialLine::add_end() {
+  plugged_.push_back(true);
+  busy_until_.emplace_back();
+  return busy_until_.size() - 1;
+}
 
 void SerialLine::write(Instant now, std::size_t sender, std::span<const std::uint8_t> bytes) {
   if (!plugged_[sender] || bytes.empty()) return;

@@ -34,8 +34,10 @@ struct LineDelivery {
 /// breaks off. Pure: time is an argument; equal calls give equal deliveries.
 class SerialLine {
  public:
-  /// @param ends  at least 1; they have the numbers 0, 1, ...
-  SerialLine(const serial::LineSettings& settings, std::size_t ends);
+  explicit SerialLine(const serial::LineSettings& settings) : settings_{settings} {}
+
+  /// @returns the number of a new end: 0, 1, ...
+  std::size_t add_end();
 
   /// @param now  never before that of any earlier call.
   void write(Instant now, std::size_t sender, std::span<const std::uint8_t> bytes);

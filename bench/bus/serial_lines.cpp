@@ -7,23 +7,24 @@
 
 namespace meltbench::bus {
 
-SerialLines::SerialLines(std::span<const config::RigLine> lines,
-                         std::span<const std::span<const std::string>> of_participants)
-    : places_(of_participants.size()), states_(of_participants.size()) {
-  std::vector<std::vector<LineEnd>> ends(lines.size());
-  for (std::size_t participant = 0; participant < of_participants.size(); ++participant) {
-    for (const std::string& name : of_participants[participant]) {
-      const auto found = std::ranges::find(lines, name, &config::RigLine::name);
-      if (found == lines.end()) throw std::invalid_argument{fmt::format("the rig has no line \"{}\"", name)};
-      const auto number = static_cast<std::size_t>(found - lines.begin());
-      places_[participant].push_back({number, ends[number].size()});
-      ends[number].push_back({participant, static_cast<std::uint8_t>(states_[participant].size())});
-      states_[participant].push_back(LinkState::kUp);
-    }
+SerialLines::SerialLines(std::span<const config::RigLine> lines) {
+  for (const config::RigLine& line : lines) lines_.push_back({line.name, {}, SerialLine{line.settings}});
+}
+
+void SerialLines::add_participant(std::span<const std::string> names) {
+  std::vector<Place> places;
+  for (const std::string& name : names) {
+    const auto found = std::ranges::find(lines_, name, &Line::name);
+    if (found == lines_.end()) throw std::invalid_argument{fmt::format("the rig has no line \"{}\"", name)};
+    places.push_back({static_cast<std::size_t>(found - lines_.begin()), 0});
   }
-  for (std::size_t number = 0; number < lines.size(); ++number) {
-    lines_.push_back({lines[number].name, ends[number], SerialLine{lines[number].settings, ends[number].size()}});
+  for (std::size_t own_line = 0; own_line < places.size(); ++own_line) {
+    Line& line = lines_[places[own_line].line];
+    places[own_line].end = line.wire.add_end();
+    line.ends.push_back({places_.size(), static_cast<std::uint8_t>(own_line)});
   }
+  states_.emplace_back(places.size(), LinkState::kUp);
+  places_.push_back(std::move(places));
 }
 
 void SerialLines::write(Instant now, std::size_t participant, std::uint8_t own_line,

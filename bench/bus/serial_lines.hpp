@@ -29,9 +29,11 @@ struct HeardPiece {
 /// The serial lines of a run: participants that name the same line share it.
 class SerialLines {
  public:
-  /// @param of_participants  what each participant's lines() says, in the order of their numbers.
-  /// @throws std::invalid_argument naming a line that a participant speaks on and `lines` has not.
-  SerialLines(std::span<const config::RigLine> lines, std::span<const std::span<const std::string>> of_participants);
+  explicit SerialLines(std::span<const config::RigLine> lines);
+
+  /// Connects the next participant, in the order of their numbers. @param names  what its lines() says.
+  /// @throws std::invalid_argument naming a line that is not there; the participant is then not connected.
+  void add_participant(std::span<const std::string> names);
 
   /// Bytes for a line that the participant has not go nowhere. @pre now is not before that of an earlier call.
   void write(Instant now, std::size_t participant, std::uint8_t own_line, std::span<const std::uint8_t> bytes);

@@ -33,12 +33,6 @@ std::string lost_text(std::string_view name, PortStatus status, Instant at) {
   return "interrupted";
 }
 
-std::vector<std::span<const std::string>> lines_of(std::span<runtime::ParticipantPort* const> ports) {
-  std::vector<std::span<const std::string>> lines;
-  for (const runtime::ParticipantPort* port : ports) lines.push_back(port->lines());
-  return lines;
-}
-
 std::vector<BitTimedMedium::Member> members_of(std::span<runtime::ParticipantPort* const> ports) {
   std::vector<BitTimedMedium::Member> members;
   for (const runtime::ParticipantPort* port : ports) members.push_back({port->name(), port->nodes()});
@@ -53,7 +47,7 @@ VirtualTime::VirtualTime(std::span<runtime::ParticipantPort* const> ports, Nanos
       observer_{observer},
       outside_{media.outside},
       intervention_{media.intervention},
-      lines_{media.lines, lines_of(ports)} {
+      lines_{media.lines} {
   MediumListener& self = *this;
   if (media.bit_timed) medium_ = std::make_unique<BitTimedMedium>(*media.bit_timed, members_of(ports), self);
   for (runtime::ParticipantPort* port : ports) {
@@ -63,6 +57,7 @@ VirtualTime::VirtualTime(std::span<runtime::ParticipantPort* const> ports, Nanos
     party.signal_count = port->signals().size();
     values_.resize(values_.size() + party.signal_count);
     parties_.push_back(std::move(party));
+    lines_.add_participant(port->lines());
   }
 }
 

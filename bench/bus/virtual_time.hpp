@@ -6,27 +6,13 @@
 #include <vector>
 
 #include "bench/bus/bit_timed_medium.hpp"
-#include "bench/bus/intervention.hpp"
-#include "bench/bus/outside.hpp"
+#include "bench/bus/run_media.hpp"
 #include "bench/bus/run_observer.hpp"
 #include "bench/bus/serial_lines.hpp"
 #include "protocols/participant/serial_inbox.hpp"
 #include "protocols/runtime/participant_port.hpp"
 
 namespace meltbench::bus {
-
-/// What joins the participants of a run, and who else is there.
-struct RunMedia {
-  /// Every serial line that a participant speaks on; participants that name the same line share it.
-  std::span<const config::RigLine> lines{};
-  /// Outlives the run; null: nobody. What it sends enters at the next instant at which somebody is due, so that such a
-  /// run depends on the wall clock.
-  Outside* outside = nullptr;
-  /// Stands between the bus and the participants; outlives the run. Null: nobody does.
-  Intervention* intervention = nullptr;
-  /// The CAN bus in bit times; nothing: the ideal bus.
-  std::optional<BitTimedSettings> bit_timed{};
-};
 
 /// Runs participants in virtual time: computing takes none. On the ideal bus frames cross at once, too; on the
 /// bit-timed bus as BitTimedMedium has it.

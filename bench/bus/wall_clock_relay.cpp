@@ -23,8 +23,12 @@ constexpr std::size_t kMaxOutsideFramesAtOnce = 16;
 }  // namespace
 
 WallClockRelay::WallClockRelay(std::span<Joined> joined, Broker& broker, link::CanLink* kernel_bus, Nanos record_period,
-                               Outside* outside)
-    : broker_{broker}, kernel_bus_{kernel_bus}, outside_{outside}, record_period_{record_period} {
+                               const RunMedia& media)
+    : broker_{broker},
+      kernel_bus_{kernel_bus},
+      outside_{media.outside},
+      lines_{media.lines},
+      record_period_{record_period} {
   for (Joined& program : joined) {
     Party& party = add_party(program);
     party.first_signal = signals_.size();
@@ -39,6 +43,7 @@ WallClockRelay::WallClockRelay(std::span<Joined> joined, Broker& broker, link::C
 }
 
 WallClockRelay::Party& WallClockRelay::add_party(Joined& joined) {
+  lines_.add_participant(joined.hello.lines);
   Party party;
   party.joined = &joined;
   party.signal_count = joined.hello.signals.size() + runtime::real_time_signals(joined.hello.name).size();
@@ -54,7 +59,8 @@ void WallClockRelay::take_newcomer() {
   const auto has_its_name = [&](const Party& party) {
     return !party.gone && party.joined->hello.name == newcomer->hello.name;
   };
-  if (std::ranges::any_of(parties_, has_its_name)) return;
+  const auto is_unknown = [&](const std::string& line) { return lines_.find(line) == nullptr; };
+  if (std::ranges::any_of(parties_, has_its_name) || std::ranges::any_of(newcomer->hello.lines, is_unknown)) return;
   outsiders_.push_back(std::move(*newcomer));
   Party& party = add_party(outsiders_.back());
   party.is_outsider = true;
@@ -74,9 +80,12 @@ RunOutcome WallClockRelay::run(Nanos duration, double speed, RunObserver& observ
   const Nanos end = clock_.to_monotonic(Instant{duration});
   RunOutcome outcome;
   while (runtime::read_monotonic() < end && outcome.text.empty()) {
-    wait(std::min(end, runtime::read_monotonic() + (outside_has_more_ ? 0ms : 10ms)));
+    Nanos until = std::min(end, runtime::read_monotonic() + (outside_has_more_ ? 0ms : 10ms));
+    if (lines_.next_delivery() < Instant::never()) until = std::min(until, clock_.to_monotonic(lines_.next_delivery()));
+    wait(until);
     take_newcomer();
     for (std::size_t number = 0; number < parties_.size(); ++number) read_messages(number);
+    deliver_serial();
     read_kernel_bus();
     exchange_with_outside();
     write_rows_until(clock_.now() - kRowDelayPeriods * record_period_);
@@ -118,6 +127,10 @@ void WallClockRelay::read_messages(std::size_t number) {
       continue;
     }
     if (take_lateness(party, message)) continue;
+    if (const auto piece = runtime::read_serial_piece(message)) {
+      lines_.write(clock_.now(), number, piece->line, piece->bytes);
+      continue;
+    }
     Report report{{}, std::vector<double>(party.signal_count)};
     if (const auto at = runtime::read_report(message, events_, report.values)) {
       report.at = *at;
@@ -145,6 +158,20 @@ std::vector<std::pair<std::string, LogHistogram>> WallClockRelay::collect_latene
     all.emplace_back(party.joined->hello.name, party.lateness);
   }
   return all;
+}
+
+void WallClockRelay::deliver_serial() {
+  while (lines_.next_delivery() <= clock_.now()) {
+    const HeardPiece piece = lines_.take();
+    observer_->on_serial(piece.line, piece.sender, piece.at, piece.bytes);
+    for (const LineEnd& listener : piece.listeners) {
+      const Party& party = parties_[listener.participant];
+      if (party.gone) continue;
+      const Instant at{clock_.to_monotonic(piece.at)};
+      runtime::write_serial_piece(writer_, {at, listener.own_line, piece.bytes});
+      if (party.joined->socket.try_send(writer_.bytes()) == link::SendStatus::kFull) ++lost_frames_;
+    }
+  }
 }
 
 void WallClockRelay::read_kernel_bus() {

@@ -5,8 +5,9 @@
 #include <vector>
 
 #include "bench/bus/broker.hpp"
-#include "bench/bus/outside.hpp"
+#include "bench/bus/run_media.hpp"
 #include "bench/bus/run_observer.hpp"
+#include "bench/bus/serial_lines.hpp"
 #include "protocols/link/can_link.hpp"
 #include "protocols/runtime/real_time_clock.hpp"
 
@@ -19,10 +20,11 @@ class WallClockRelay {
  public:
   /// @param joined  in the order of their numbers.  @param broker  where others join.
   /// @param kernel_bus  the bus to listen on; null: carry the frames.
-  /// @param outside  who else is on the embedded bus; null: nobody. Frames from there wait until every participant has
-  /// room for them, so that they push nothing out.
+  /// @param media  serial lines are carried at the pace of their baud rate, as in virtual time. Frames from outside
+  /// wait until every participant has room for them, so that they push nothing out.
+  /// @throws std::invalid_argument naming a line of a participant that is not in media.lines.
   WallClockRelay(std::span<Joined> joined, Broker& broker, link::CanLink* kernel_bus, Nanos record_period,
-                 Outside* outside = nullptr);
+                 const RunMedia& media = {});
 
   /// Welcomes everybody, runs for `duration` of bench time at `speed` bench seconds per second.
   [[nodiscard]] RunOutcome run(Nanos duration, double speed, RunObserver& observer);
@@ -55,6 +57,7 @@ class WallClockRelay {
   void read_messages(std::size_t number);
   /// @returns whether it was such a message.
   [[nodiscard]] static bool take_lateness(Party& party, std::span<const std::uint8_t> message);
+  void deliver_serial();
   void read_kernel_bus();
   void exchange_with_outside();
   [[nodiscard]] bool all_have_room() const;
@@ -67,6 +70,7 @@ class WallClockRelay {
   Broker& broker_;
   link::CanLink* kernel_bus_;
   Outside* outside_;
+  SerialLines lines_;
   std::vector<can::CanFrame> from_outside_;
   bool outside_has_sent_ = false;
   bool outside_has_more_ = false;  ///< As many came at once as may.

@@ -7,7 +7,8 @@
 ///   program -> broker   Hello {name, signals}                      first
 ///   broker -> program   Welcome {pace, ...}                        when all that the run waits for are there
 ///   lockstep:           Wake {now, frames} -> Done {deadline, frames, events, signals}, in turn, until Stop
-///   wall clock:         Frames both ways at any time; program -> broker Report {at, signals, events}; until Stop;
+///   wall clock:         Frames and Serial {line, bytes} both ways at any time; program -> broker Report {at, signals,
+///   events}; until Stop;
 ///                       program -> broker Timing {buckets} every second and last of all
 
 #include <cstdint>
@@ -25,7 +26,7 @@ namespace meltbench::link {
 inline constexpr std::uint32_t kBenchProtocolVersion = 1;
 inline constexpr std::size_t kMaxMessageSize = 128 * 1024;
 
-enum class MessageType : std::uint8_t { kHello = 1, kWelcome, kWake, kDone, kFrames, kReport, kStop, kTiming };
+enum class MessageType : std::uint8_t { kHello = 1, kWelcome, kWake, kDone, kFrames, kReport, kStop, kTiming, kSerial };
 
 /// How time passes in a run.
 enum class Pace : std::uint8_t { kLockstep, kWallClock };

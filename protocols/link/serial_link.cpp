@@ -190,10 +190,6 @@ bool SerialPort::has_hung_up() const noexcept {
   return ::poll(&watched, 1, 0) > 0 && (watched.revents & (POLLHUP | POLLERR | POLLNVAL)) != 0;
 }
 
-bool SerialPort::is_up() noexcept {
-  return fd_ >= 0 || open().what.empty();
-}
-
 void SerialPort::close() noexcept {
   fd_ = -1;
   own_fd_ = UniqueFd{};

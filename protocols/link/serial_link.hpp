@@ -29,9 +29,12 @@ class SerialLink {
   [[nodiscard]] virtual std::size_t write(std::span<const std::uint8_t> bytes) noexcept = 0;
   /// The oldest bytes waiting; nothing: none wait. They stay valid until the next call.
   [[nodiscard]] virtual std::optional<ReceivedBytes> receive() noexcept = 0;
-  /// Whether the line is there. Looks again, and reopens what has gone, when it was not.
-  [[nodiscard]] virtual bool is_up() noexcept = 0;
-  /// For poll(2): readable when bytes wait. May change after is_up(); -1 while there is nothing to wait for.
+  /// Whether the line is there, as far as the last write() or receive() could tell.
+  [[nodiscard]] virtual bool is_up() const noexcept = 0;
+  /// Looks for a line that has gone. @returns whether it is there again.
+  [[nodiscard]] virtual bool reopen() noexcept = 0;
+  /// For poll(2): readable when bytes wait, or when the line has gone. May change after reopen(); -1 while there is
+  /// nothing to wait for.
   [[nodiscard]] virtual int fd() const noexcept = 0;
 };
 
@@ -41,8 +44,9 @@ class SerialLink {
 ///   /dev/pts/3, or a link to it         one end of somebody else's pseudo-terminal; it knows no baud rate
 ///   pty:/run/feeder                     makes a pseudo-terminal; others open its other end as /run/feeder
 ///
-/// A port may vanish and come back (a USB adapter unplugged): meanwhile write() takes nothing, and is_up() opens it
-/// again by its name, whatever device is behind the name by then. Opening forgets what was waiting in either direction.
+/// A port may vanish and come back (a USB adapter unplugged): meanwhile write() takes nothing, and reopen() opens
+/// it again by its name, whatever device is behind the name by then. Opening forgets what was waiting in either
+/// direction.
 class SerialPort final : public SerialLink {
  public:
   /// @throws LinkError with the reason and what to do: no such port, no permission, in use, a setting that it refuses.
@@ -53,7 +57,8 @@ class SerialPort final : public SerialLink {
 
   [[nodiscard]] std::size_t write(std::span<const std::uint8_t> bytes) noexcept override;
   [[nodiscard]] std::optional<ReceivedBytes> receive() noexcept override;
-  [[nodiscard]] bool is_up() noexcept override;
+  [[nodiscard]] bool is_up() const noexcept override { return fd_ >= 0; }
+  [[nodiscard]] bool reopen() noexcept override { return is_up() || open().what.empty(); }
   [[nodiscard]] int fd() const noexcept override { return fd_; }
 
  private:

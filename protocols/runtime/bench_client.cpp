@@ -4,6 +4,39 @@
 
 namespace meltbench::runtime {
 
+std::size_t BenchLine::write(std::span<const std::uint8_t> bytes) noexcept {
+  return client_.send_serial(number_, bytes) ? bytes.size() : 0;
+}
+
+std::optional<link::ReceivedBytes> BenchLine::receive() noexcept {
+  const auto arrivals = arrived_.arrivals();
+  if (read_ == arrivals.size()) {
+    arrived_.clear();
+    read_ = 0;
+    return std::nullopt;
+  }
+  const SerialArrival& piece = arrivals[read_++];
+  return link::ReceivedBytes{piece.at.since_start, piece.bytes};
+}
+
+bool BenchLine::is_up() const noexcept {
+  return !client_.lost();
+}
+
+BenchClient::BenchClient(link::BenchSocket socket, std::size_t line_count) : socket_{std::move(socket)} {
+  writer_.reserve(kUsualMessageSize);
+  for (std::size_t number = 0; number < line_count; ++number) {
+    lines_.push_back(std::make_unique<BenchLine>(*this, static_cast<std::uint8_t>(number)));
+  }
+}
+
+bool BenchClient::send_serial(std::uint8_t line, std::span<const std::uint8_t> bytes) noexcept {
+  write_serial_piece(writer_, {Instant{read_monotonic()}, line, bytes});
+  const link::SendStatus status = socket_.try_send(writer_.bytes());
+  if (status == link::SendStatus::kDown) lost_ = true;
+  return status == link::SendStatus::kSent;
+}
+
 link::SendStatus BenchClient::send(const can::CanFrame& frame) noexcept {
   write_frame(writer_, read_monotonic(), frame);
   const link::SendStatus status = socket_.try_send(writer_.bytes());
@@ -21,6 +54,9 @@ std::optional<link::ReceivedFrame> BenchClient::receive() noexcept {
     if (message_type(message) == link::MessageType::kStop) stopped_ = true;
     if (const auto stamped = read_frame(message)) {
       return link::ReceivedFrame{stamped->at.since_start, stamped->frame};
+    }
+    if (const auto piece = read_serial_piece(message); piece && piece->line < lines_.size()) {
+      lines_[piece->line]->add(*piece);
     }
   }
 }

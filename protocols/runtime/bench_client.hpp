@@ -1,22 +1,55 @@
 #pragma once
 
+#include <memory>
+#include <vector>
+
 #include "protocols/link/bench_socket.hpp"
 #include "protocols/link/can_link.hpp"
+#include "protocols/link/serial_link.hpp"
+#include "protocols/participant/serial_inbox.hpp"
 #include "protocols/runtime/bench_protocol.hpp"
 
 namespace meltbench::runtime {
 
-/// A program's connection to the broker in wall-clock time: the embedded bus as a CanLink, and reports beside it.
+class BenchClient;
+
+/// A serial line that the embedded bus carries. Its bytes come over the client's socket: whoever reads that hands them
+/// over here, so it has no descriptor of its own.
+class BenchLine final : public link::SerialLink {
+ public:
+  BenchLine(BenchClient& client, std::uint8_t number) : client_{client}, number_{number} {}
+
+  [[nodiscard]] std::size_t write(std::span<const std::uint8_t> bytes) noexcept override;
+  [[nodiscard]] std::optional<link::ReceivedBytes> receive() noexcept override;
+  [[nodiscard]] bool is_up() const noexcept override;
+  [[nodiscard]] bool reopen() noexcept override { return is_up(); }
+  [[nodiscard]] int fd() const noexcept override { return -1; }
+  void add(const SerialArrival& piece) { arrived_.add(piece.at, 0, piece.bytes); }
+
+ private:
+  BenchClient& client_;
+  std::uint8_t number_;
+  SerialInbox arrived_;  ///< Stamped on CLOCK_MONOTONIC.
+  std::size_t read_ = 0;
+};
+
+/// A program's connection to the broker in wall-clock time: the embedded bus as a CanLink, the serial lines that it
+/// carries, and reports beside them.
 class BenchClient final : public link::CanLink {
  public:
-  /// @param socket  connected and welcomed.
-  explicit BenchClient(link::BenchSocket socket) : socket_{std::move(socket)} { writer_.reserve(kUsualMessageSize); }
+  /// @param socket  connected and welcomed.  @param line_count  of the participant's lines.
+  explicit BenchClient(link::BenchSocket socket, std::size_t line_count = 0);
 
   [[nodiscard]] link::SendStatus send(const can::CanFrame& frame) noexcept override;
   [[nodiscard]] std::optional<link::ReceivedFrame> receive() noexcept override;
   [[nodiscard]] bool is_up() noexcept override { return !lost_; }
   [[nodiscard]] int fd() const noexcept override { return socket_.fd(); }
   [[nodiscard]] const link::LinkCounters& counters() const noexcept override { return counters_; }
+
+  /// A serial line by its number in the participant's lines(). Its bytes arrive with receive() or poll_stop().
+  [[nodiscard]] BenchLine& line(std::size_t number) { return *lines_[number]; }
+  /// @returns whether the bench took them.
+  [[nodiscard]] bool send_serial(std::uint8_t line, std::span<const std::uint8_t> bytes) noexcept;
 
   /// Sends what is to be recorded; dropped when the broker does not keep up.
   void report(Instant at, std::span<const Event> events, std::span<const double> signals) noexcept;
@@ -32,6 +65,7 @@ class BenchClient final : public link::CanLink {
   link::BenchSocket socket_;
   link::MessageWriter writer_;
   link::LinkCounters counters_;
+  std::vector<std::unique_ptr<BenchLine>> lines_;
   bool stopped_ = false;
   bool lost_ = false;
 };

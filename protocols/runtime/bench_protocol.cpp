@@ -294,6 +294,24 @@ bool read_timing(std::span<const std::uint8_t> message, LogHistogram& lateness) 
   return reader->complete();
 }
 
+void write_serial_piece(MessageWriter& writer, const SerialArrival& piece) {
+  writer.begin(MessageType::kSerial);
+  writer.put(piece.at);
+  writer.put(piece.line);
+  writer.put_text(text_of(piece.bytes));
+}
+
+std::optional<SerialArrival> read_serial_piece(std::span<const std::uint8_t> message) {
+  auto reader = open(message, MessageType::kSerial);
+  if (!reader) return std::nullopt;
+  SerialArrival piece;
+  piece.at = reader->take<Instant>();
+  piece.line = reader->take<std::uint8_t>();
+  piece.bytes = bytes_of(reader->take_text());
+  if (!reader->complete()) return std::nullopt;
+  return piece;
+}
+
 void write_frame(MessageWriter& writer, Nanos at_monotonic, const can::CanFrame& frame) {
   writer.begin(MessageType::kFrames);
   writer.put_frame(Instant{at_monotonic}, frame);

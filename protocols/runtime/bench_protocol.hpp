@@ -64,4 +64,10 @@ void write_timing(link::MessageWriter& writer, const LogHistogram& lateness);
 void write_frame(link::MessageWriter& writer, Nanos at_monotonic, const can::CanFrame& frame);
 [[nodiscard]] std::optional<can::StampedFrame> read_frame(std::span<const std::uint8_t> message);
 
+/// Wall clock: bytes on a serial line that the embedded bus carries. To the bench: `at` is when they were written; to a
+/// program: when the last of them was there. Both on CLOCK_MONOTONIC.
+void write_serial_piece(link::MessageWriter& writer, const SerialArrival& piece);
+/// @returns a piece whose bytes lie in the message, or nothing on nonsense.
+[[nodiscard]] std::optional<SerialArrival> read_serial_piece(std::span<const std::uint8_t> message);
+
 }  // namespace meltbench::runtime

@@ -20,6 +20,7 @@ constexpr Nanos kRetryPeriod = 200us;  // One frame of 8 bytes takes 220 us at 5
 constexpr Nanos kLinkCheckPeriod = 100ms;
 constexpr Nanos kTimingPeriod = 1s;
 constexpr std::size_t kUsualBurst = 1024;  // Frames in one wake-up, after some 100 ms without one on a full bus.
+constexpr std::size_t kMaxLines = 16;  // Serial lines that arrivals wake for; those of a further one wait for a timer.
 
 spdlog::level::level_enum to_level(Severity severity) {
   switch (severity) {
@@ -47,10 +48,11 @@ std::vector<SignalInfo> real_time_signals(std::string_view participant_name) {
 }
 
 RealTimeDriver::RealTimeDriver(Participant& participant, link::CanLink& can, BenchClient* bench,
-                               const link::Welcome& timing)
+                               const link::Welcome& timing, SerialPorts serial)
     : participant_{participant},
       can_{can},
       bench_{bench},
+      serial_{std::move(serial)},
       clock_{timing.start_monotonic, timing.speed},
       record_period_{timing.record_period},
       timer_{::timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK)},
@@ -74,10 +76,10 @@ DriverEnd RealTimeDriver::run() {
     const Instant deadline = out_.deadline();
     now_ = std::max(now_, clock_.now());
     note_link(can_.is_up());
-    collect_frames();
+    collect_arrivals();
     const bool due = now_ >= deadline;
     if (due) note_lateness(deadline);
-    if (due || (!arrived_.empty() && out_.wake_on() == WakeOn::kArrivalOrDeadline)) wake();
+    if (due || (has_arrivals() && out_.wake_on() == WakeOn::kArrivalOrDeadline)) wake();
     send_waiting();
     if (now_ >= next_record_) report();
   }
@@ -109,12 +111,16 @@ void RealTimeDriver::wait_for_work() {
   until = std::min(until, clock_.to_monotonic(due));
   if (!waiting_.empty()) until = std::min(until, now + kRetryPeriod);
   if (!link_up_) until = std::min(until, next_link_check_);
+  until = std::min(until, serial_.next_look());
   if (until <= now) return;
 
   set_timer(until);
-  std::array<pollfd, 3> watched{{{timer_.get(), POLLIN, 0}}};
+  std::array<pollfd, 3 + kMaxLines> watched{{{timer_.get(), POLLIN, 0}}};
   nfds_t count = 1;
-  if (link_up_ && out_.wake_on() == WakeOn::kArrivalOrDeadline) watched[count++] = {can_.fd(), POLLIN, 0};
+  if (out_.wake_on() == WakeOn::kArrivalOrDeadline) {
+    if (link_up_) watched[count++] = {can_.fd(), POLLIN, 0};
+    count += serial_.watch(std::span{watched}.subspan(count, kMaxLines));
+  }
   if (bench_ != nullptr && bench_->fd() != can_.fd()) watched[count++] = {bench_->fd(), POLLIN, 0};
   // A signal between the look for it and this sleep is noticed at the timer, at most a second later.
   ::ppoll(watched.data(), count, nullptr, nullptr);
@@ -136,18 +142,26 @@ void RealTimeDriver::note_link(bool up) {
   out_.wake_at(now_);  // Both edges are told at once.
 }
 
-void RealTimeDriver::collect_frames() {
+void RealTimeDriver::collect_arrivals() {
   while (const auto received = can_.receive()) {
     // A stamp is never later than now on the participant's axis, whatever the two clocks' readings.
     arrived_.push_back({std::min(clock_.to_instant(received->at_monotonic), now_), received->frame});
   }
   if (bench_ != nullptr && static_cast<const link::CanLink*>(bench_) != &can_) bench_->poll_stop();
+  if (serial_.collect(clock_, now_, events_)) out_.wake_at(now_);
 }
 
 void RealTimeDriver::wake() {
   out_.clear();
-  participant_.wake({now_, arrived_, link_up_ ? LinkState::kUp : LinkState::kDown}, out_);
+  participant_.wake({.now = now_,
+                     .frames = arrived_,
+                     .link = link_up_ ? LinkState::kUp : LinkState::kDown,
+                     .serial = serial_.inbox().arrivals(),
+                     .lines = serial_.states()},
+                    out_);
   arrived_.clear();
+  serial_.inbox().clear();
+  serial_.write(out_);
   for (const can::CanFrame& frame : out_.frames()) {
     if (!link_up_ || waiting_.full())
       ++frames_lost_;

@@ -9,6 +9,7 @@
 #include "protocols/runtime/bench_client.hpp"
 #include "protocols/runtime/lockstep_driver.hpp"
 #include "protocols/runtime/real_time_clock.hpp"
+#include "protocols/runtime/serial_ports.hpp"
 #include "protocols/time/log_histogram.hpp"
 
 namespace meltbench::runtime {
@@ -48,15 +49,17 @@ class FrameQueue {
 /// nothing that happens before the sleep begins makes the wake-up later. How late each wake-up at a deadline was is
 /// counted. In the steady state the loop allocates nothing but for events.
 ///
-/// The participant is woken at its deadline or when a frame arrives. A frame that the full transmit queue refuses waits
-/// here, in order, and is tried again every 200 us of wall-clock time; a link that is down is looked for every 100 ms,
-/// what waited for it is dropped and counted, and the participant is told of both edges.
+/// The participant is woken at its deadline, or when a frame or bytes arrive. A frame that the full transmit queue
+/// refuses waits here, in order, and is tried again every 200 us of wall-clock time; a link that is down is looked for
+/// every 100 ms, what waited for it is dropped and counted, and the participant is told of both edges.
 class RealTimeDriver {
  public:
   /// @param bench  where to report to and who says stop; null: none; events and at last the lateness go to the log, and
   /// the run ends by signal.
+  /// @param serial  of all its lines().
   /// @throws link::LinkError if the kernel gives no timer.
-  RealTimeDriver(Participant& participant, link::CanLink& can, BenchClient* bench, const link::Welcome& timing);
+  RealTimeDriver(Participant& participant, link::CanLink& can, BenchClient* bench, const link::Welcome& timing,
+                 SerialPorts serial = {});
 
   [[nodiscard]] DriverEnd run();
 
@@ -67,7 +70,8 @@ class RealTimeDriver {
   void wait_for_work();
   void set_timer(Nanos until);
   void note_lateness(Instant deadline);
-  void collect_frames();
+  void collect_arrivals();
+  [[nodiscard]] bool has_arrivals() { return !arrived_.empty() || !serial_.inbox().empty(); }
   void wake();
   void send_waiting();
   void note_link(bool up);
@@ -79,6 +83,7 @@ class RealTimeDriver {
   Participant& participant_;
   link::CanLink& can_;
   BenchClient* bench_;
+  SerialPorts serial_;
   RealTimeClock clock_;
   Nanos record_period_;
   Instant next_record_{};

@@ -11,6 +11,12 @@ namespace {
 
 constexpr serial::LineSettings kLine{10'000, serial::Parity::kNone, 1};  // One character takes 1 ms.
 
+SerialLine make_line(const serial::LineSettings& settings, int ends) {
+  SerialLine line{settings};
+  for (int end = 0; end < ends; ++end) line.add_end();
+  return line;
+}
+
 void write(SerialLine& line, Instant at, std::size_t sender, std::string_view text) {
   line.write(at, sender, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
 }
@@ -26,7 +32,7 @@ std::string take(SerialLine& line) {
 }  // namespace
 
 TEST_CASE("Serial line: bytes take the time of their bits, and one piece follows the other without a gap", "[bus]") {
-  SerialLine line{kLine, 2};
+  SerialLine line = make_line(kLine, 2);
   CHECK(line.next_delivery() == Instant::never());
   write(line, Instant{5ms}, 0, "abc");
   write(line, Instant{6ms}, 0, "de");
@@ -39,7 +45,7 @@ TEST_CASE("Serial line: bytes take the time of their bits, and one piece follows
 }
 
 TEST_CASE("Serial line: where two ends send at once all hear garbage, and only there", "[bus]") {
-  SerialLine line{kLine, 3};
+  SerialLine line = make_line(kLine, 3);
   write(line, Instant{0ms}, 0, "abcd");
   write(line, Instant{2ms}, 1, "efgh");
   CHECK(take(line) == "4 0 ab??");
@@ -67,7 +73,7 @@ TEST_CASE("Serial line: where two ends send at once all hear garbage, and only t
 }
 
 TEST_CASE("Serial line: an end that is unplugged is not heard, and what it was sending breaks off", "[bus]") {
-  SerialLine line{kLine, 2};
+  SerialLine line = make_line(kLine, 2);
   write(line, Instant{0ms}, 0, "abcd");
   line.unplug(Instant{2ms + 500us}, 0);
   CHECK_FALSE(line.is_plugged(0));
@@ -92,7 +98,7 @@ TEST_CASE("Serial line: a fault changes, cuts, delays or swallows what is sent",
     }
     int pieces = 0;
   } fault;
-  SerialLine line{kLine, 2};
+  SerialLine line = make_line(kLine, 2);
   line.set_fault(&fault);
   write(line, Instant{0ms}, 0, "abc");
   CHECK(take(line) == "3 0 ?bc");
@@ -110,7 +116,7 @@ TEST_CASE("Serial line: a fault changes, cuts, delays or swallows what is sent",
 TEST_CASE("Serial line: random traffic loses no byte, goes forward in time, and is the same again", "[bus]") {
   const auto run = [](unsigned seed) {
     std::mt19937 draw{seed};
-    SerialLine line{{115'200, serial::Parity::kEven, 1}, 3};
+    SerialLine line = make_line({115'200, serial::Parity::kEven, 1}, 3);
     std::vector<std::uint8_t> bytes;
     std::size_t written = 0;
     std::size_t heard = 0;

@@ -60,12 +60,14 @@ TEST_CASE("Serial port: unplugged, and plugged in again as another device of the
   CHECK(port.fd() == -1);
   CHECK_FALSE(port.is_up());
   CHECK(port.write(bytes_of("lost")) == 0);
+  CHECK_FALSE(port.reopen());
   std::filesystem::remove(name);
-  CHECK_FALSE(port.is_up());
+  CHECK_FALSE(port.reopen());
 
   Device second;
   Device third;  // Not the number that the first one had.
   std::filesystem::create_symlink(third.name(), name);
+  REQUIRE(port.reopen());
   CHECK(port.is_up());
   third.write("hello");
   CHECK(read_text(port, 5) == "hello");

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <optional>
+#include <span>
+
+#include "bench/bus/bit_timed_medium.hpp"
+#include "bench/bus/intervention.hpp"
+#include "bench/bus/outside.hpp"
+#include "protocols/config/rig.hpp"
+
+namespace meltbench::bus {
+
+/// What joins the participants of a run, and who else is there.
+struct RunMedia {
+  /// Every serial line that a participant speaks on; participants that name the same line share it.
+  std::span<const config::RigLine> lines{};
+  /// Who else is on the embedded bus; outlives the run; null: nobody. What they send makes the run depend on the wall
+  /// clock: in virtual time it enters at the next instant at which somebody is due.
+  Outside* outside = nullptr;
+  /// Stands between the bus and the participants; outlives the run. Null: nobody does. In virtual time only.
+  Intervention* intervention = nullptr;
+  /// The CAN bus in bit times; nothing: the ideal bus. In virtual time only.
+  std::optional<BitTimedSettings> bit_timed{};
+};
+
+}  // namespace meltbench::bus
