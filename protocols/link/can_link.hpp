@@ -29,6 +29,7 @@ struct LinkCounters {
   std::uint64_t downs = 0;    ///< Times that the link went down.
   std::uint64_t dropped = 0;  ///< Received frames that the kernel dropped because we read too late (SO_RXQ_OVFL).
   std::uint64_t errors = 0;   ///< Error frames received.
+  std::uint64_t refused = 0;  ///< Sent frames that an adapter refused after it had taken them.
 };
 
 /// A CAN bus as a program sees it. Never blocks, never throws: the loop reads a status.
@@ -55,13 +56,22 @@ class LinkError : public std::runtime_error {
   std::string hint_;
 };
 
-/// What a bus name says: "virtual:NAME", "socketcan:can0", or a bare interface name such as "can0" or "vcan0".
+/// What a bus name says:
+///   virtual:NAME            an embedded bus
+///   socketcan:can0, can0    a kernel interface
+///   slcan:PORT@BIT_RATE     an adapter on a serial port, e.g. slcan:/dev/ttyACM0@500000 (default 500000)
+///   none                    no CAN bus
 struct BusUri {
-  enum class Kind : std::uint8_t { kVirtual, kSocketCan } kind = Kind::kVirtual;
-  std::string name;
+  enum class Kind : std::uint8_t { kVirtual, kSocketCan, kSlcan, kNone } kind = Kind::kVirtual;
+  std::string name;                            ///< Of bus, interface or port.
+  std::uint32_t bit_rate_bit_per_s = 500'000;  ///< slcan only.
 };
 
 /// @throws LinkError naming the text if it is no bus name.
 [[nodiscard]] BusUri parse_bus_uri(std::string_view text);
+
+/// Opens a bus that this process reaches by itself: any but an embedded one. @pre uri.kind is not kVirtual.
+/// @throws LinkError with the reason and what to do.
+[[nodiscard]] std::unique_ptr<CanLink> open_can_link(const BusUri& uri);
 
 }  // namespace meltbench::link

@@ -4,9 +4,10 @@
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
+#include <memory>
 #include <optional>
 
-#include "protocols/link/socketcan_link.hpp"
 #include "protocols/runtime/bench_client.hpp"
 #include "protocols/runtime/lockstep_driver.hpp"
 #include "protocols/runtime/real_time_driver.hpp"
@@ -50,26 +51,66 @@ int to_exit_status(DriverEnd end) {
   return end == DriverEnd::kStopped ? kExitOk : kExitLost;
 }
 
-int run_on_embedded_bus(Participant& participant, const std::string& bus_name) {
+/// The ports of this machine that a program speaks on, opened.
+class OwnPorts {
+ public:
+  OwnPorts(const Participant& participant, std::span<const serial::LinePort> lines) : participant_{participant} {
+    for (const serial::LinePort& line : lines) {
+      if (std::ranges::find(participant.lines(), line.line) == participant.lines().end()) {
+        throw link::LinkError{fmt::format("{} does not speak on serial line {}", participant.name(), line.line),
+                              "leave its --line away, or see the boards of the rig"};
+      }
+      ports_.push_back(std::make_unique<link::SerialPort>(line.port, line.settings));
+      names_.push_back(line.line);
+    }
+  }
+
+  /// All lines of the participant: its ports, and by way of the bench those that are none.
+  /// @throws link::LinkError naming a line that has neither.
+  [[nodiscard]] SerialPorts with_bench(BenchClient* bench) const {
+    std::vector<link::SerialLink*> links;
+    for (const std::string& name : participant_.lines()) {
+      const auto found = std::ranges::find(names_, name);
+      if (found == names_.end() && bench == nullptr) {
+        throw link::LinkError{
+            fmt::format("serial line {} has no port", name),
+            fmt::format("--line {0}=/dev/ttyS1, or --line {0}=pty:/run/{0} for a pseudo-terminal", name)};
+      }
+      links.push_back(found == names_.end() ? static_cast<link::SerialLink*>(&bench->line(links.size()))
+                                            : ports_[static_cast<std::size_t>(found - names_.begin())].get());
+    }
+    return {participant_.lines(), links};
+  }
+  [[nodiscard]] bool empty() const { return ports_.empty(); }
+
+ private:
+  const Participant& participant_;
+  std::vector<std::string> names_;
+  std::vector<std::unique_ptr<link::SerialPort>> ports_;
+};
+
+int run_on_embedded_bus(Participant& participant, const std::string& bus_name, const OwnPorts& ports) {
   auto joined = join(participant, bus_name, true);
   if (!joined) return stop_requested() ? kExitOk : kExitLost;
   if (joined->welcome.pace == link::Pace::kLockstep) {
+    if (!ports.empty())
+      throw link::LinkError{"a serial port has no virtual time", "run the bench with --pace realtime"};
     return to_exit_status(run_lockstep(participant, joined->socket));
   }
-  BenchClient bus{std::move(joined->socket)};
-  return to_exit_status(RealTimeDriver{participant, bus, &bus, joined->welcome}.run());
+  BenchClient bus{std::move(joined->socket), participant.lines().size()};
+  return to_exit_status(RealTimeDriver{participant, bus, &bus, joined->welcome, ports.with_bench(&bus)}.run());
 }
 
-int run_on_kernel_bus(Participant& participant, const std::string& interface_name, const std::string& bench) {
-  link::SocketCanLink can{interface_name};
+/// @param bench  name of an embedded bus to report to; empty: none.
+int run_on_own_bus(Participant& participant, link::CanLink& can, const std::string& bench, const OwnPorts& ports) {
   if (bench.empty()) {
     link::Welcome timing{link::Pace::kWallClock, 1.0, read_monotonic(), 10ms};
-    return to_exit_status(RealTimeDriver{participant, can, nullptr, timing}.run());
+    return to_exit_status(RealTimeDriver{participant, can, nullptr, timing, ports.with_bench(nullptr)}.run());
   }
   auto joined = join(participant, link::parse_bus_uri(bench).name, false);
   if (!joined) return stop_requested() ? kExitOk : kExitLost;
-  BenchClient client{std::move(joined->socket)};
-  return to_exit_status(RealTimeDriver{participant, can, &client, joined->welcome}.run());
+  BenchClient client{std::move(joined->socket), participant.lines().size()};
+  return to_exit_status(RealTimeDriver{participant, can, &client, joined->welcome, ports.with_bench(&client)}.run());
 }
 
 }  // namespace
@@ -80,8 +121,9 @@ int run_program(Participant& participant, const ProgramOptions& options) {
   catch_stop_signals();
   if (options.rt_priority > 0) become_real_time(options.rt_priority);
   const link::BusUri uri = link::parse_bus_uri(options.can);
-  if (uri.kind == link::BusUri::Kind::kVirtual) return run_on_embedded_bus(participant, uri.name);
-  return run_on_kernel_bus(participant, uri.name, options.bench);
+  const OwnPorts ports{participant, options.lines};
+  if (uri.kind == link::BusUri::Kind::kVirtual) return run_on_embedded_bus(participant, uri.name, ports);
+  return run_on_own_bus(participant, *link::open_can_link(uri), options.bench, ports);
 }
 
 int complain(const std::string& what, const std::string& hint) {

@@ -207,7 +207,7 @@ void RealTimeDriver::report() {
   participant_.read_signals(std::span{signals_}.first(participant_.signals().size()));
   const auto own = std::span{signals_}.last(3);
   own[0] = static_cast<double>(deadline_misses_);
-  own[1] = static_cast<double>(frames_lost_ + can_.counters().dropped);
+  own[1] = static_cast<double>(frames_lost_ + can_.counters().dropped + can_.counters().refused);
   own[2] = to_s(lateness_.max());
   bench_->report(Instant{periods * record_period_}, events_, signals_);
   events_.clear();

@@ -51,6 +51,7 @@ void read_messages(std::span<const std::uint8_t> bytes) {
   std::vector<Event> events;
   (void)runtime::read_report(bytes, events, signals);
   (void)runtime::read_frame(bytes);
+  (void)runtime::read_serial_piece(bytes);
 }
 
 }  // namespace

@@ -58,7 +58,7 @@ TEST_CASE("Bus name: virtual and kernel buses are told apart, nonsense is refuse
   CHECK(parse_bus_uri("virtual:bench").name == "bench");
   CHECK(parse_bus_uri("can0").kind == BusUri::Kind::kSocketCan);
   CHECK(parse_bus_uri("socketcan:vcan0").name == "vcan0");
-  const char* const nonsense = GENERATE("", "virtual:", "virtual:../x", "can 0", "slcan:/dev/ttyACM0@500000",
+  const char* const nonsense = GENERATE("", "virtual:", "virtual:../x", "can 0", "slcan:@1",
                                         "interface_name_too_long", "socketcan:");
   CHECK_THROWS_AS(parse_bus_uri(nonsense), LinkError);
 }

@@ -72,6 +72,18 @@ TEST_CASE("Bench protocol: hello, wake, done and report come back as they were w
   CHECK(events.size() == 1);
 }
 
+TEST_CASE("Bench protocol: bytes of a serial line come back as they were written", "[runtime]") {
+  link::MessageWriter writer;
+  const std::array<std::uint8_t, 3> bytes{1, 0, 255};
+  write_serial_piece(writer, {Instant{7ms}, 2, bytes});
+  const auto piece = read_serial_piece(writer.bytes());
+  REQUIRE(piece.has_value());
+  CHECK(piece->at == Instant{7ms});
+  CHECK(piece->line == 2);
+  CHECK(std::ranges::equal(piece->bytes, bytes));
+  CHECK_FALSE(read_serial_piece(writer.bytes().first(writer.bytes().size() - 1)).has_value());
+}
+
 TEST_CASE("Bench protocol: random bytes are refused and harm nobody", "[runtime]") {
   std::mt19937 draw{7};
   std::vector<std::uint8_t> bytes;

@@ -6,8 +6,10 @@
 #include <catch2/catch.hpp>
 #include <thread>
 
+#include "protocols/link/no_can_link.hpp"
 #include "protocols/link/socketcan_link.hpp"
 #include "tests/bench/bus/toy_participants.hpp"
+#include "tests/protocols/link/pseudo_terminal.hpp"
 
 using namespace meltbench;
 using namespace meltbench::runtime;
@@ -116,4 +118,53 @@ TEST_CASE("Real-time driver: at its end it tells how late each wake-up at a dead
   CHECK(lateness.count() > 0);  // One per frame but the first, unless the machine is so slow that frames go together.
   CHECK(lateness.max() > 0ns);
   CHECK(lateness.max_at() > Instant{});
+}
+
+TEST_CASE("Real-time driver: bytes go out over a serial port, arrive, and the participant is told when it is unplugged",
+          "[runtime]") {
+  const test::LinkFolder folder;
+  const std::string name = folder.file("by-id");
+  test::Device device;
+  std::filesystem::create_symlink(device.name(), name);
+  link::SerialPort port{name, {19'200, serial::Parity::kNone, 1}};
+  link::NoCanLink can;
+  auto ends = make_pair(SOCK_SEQPACKET);
+  link::BenchSocket bench{std::move(ends[1])};
+  std::thread loop{[&, bench_end = std::move(ends[0])]() mutable {
+    test::SerialMetronome metronome{"hopper", 1ms};
+    BenchClient client{link::BenchSocket{std::move(bench_end)}, 1};
+    const std::array<link::SerialLink*, 1> links{&port};
+    const link::Welcome timing{link::Pace::kWallClock, 1.0, read_monotonic(), 2ms};
+    CHECK(RealTimeDriver{metronome, can, &client, timing, {metronome.lines(), links}}.run() == DriverEnd::kStopped);
+  }};
+  std::vector<Event> all_events;
+  const auto read_report_until = [&](auto wanted) {
+    std::array<double, 6> values{};  // Sent, received, downs, and those of the driver.
+    std::vector<Event> events;
+    std::span<const std::uint8_t> message;
+    while (!wanted(values)) {
+      REQUIRE(bench.receive(message) == link::ReceiveStatus::kMessage);
+      if (!read_report(message, events, values)) continue;
+      all_events.insert(all_events.end(), events.begin(), events.end());
+    }
+  };
+  CHECK(device.read(6) == "\1\1\1\2\2\2");
+  device.write("answer");
+  read_report_until([](const auto& values) { return values[1] >= 1; });
+  device.unplug();
+  read_report_until([](const auto& values) { return values[2] >= 1; });
+  const test::Device other;
+  std::filesystem::remove(name);
+  std::filesystem::create_symlink(other.name(), name);
+  CHECK(other.read(3).size() == 3);
+  other.write("answer");
+  read_report_until([](const auto& values) { return values[1] >= 2; });
+  REQUIRE(all_events.size() == 2);
+  CHECK(all_events[0].code == "line-down");
+  CHECK(all_events[0].severity == Severity::kWarning);
+  CHECK(all_events[1].code == "line-up");
+  link::MessageWriter writer;
+  writer.begin(link::MessageType::kStop);
+  REQUIRE(bench.send(writer.bytes()));
+  loop.join();
 }
