@@ -69,6 +69,11 @@ CLI::App* add_run_command(CLI::App& app, Words& words) {
       "virtual:NAME | can0, vcan0 ...; a kernel bus runs at --pace realtime  (default: a bus of this run alone)");
   run->add_option("--controller-can", words.run.controller_can,
                   "Another kernel interface for the controller, on the same wire as the boards' --can");
+  run->add_option("--line", words.run.lines,
+                  "LINE=PORT: a serial line of the rig is this port, e.g. hopper=/dev/ttyUSB0: the boards' if they are "
+                  "emulated, else the controller's; runs at --pace realtime");
+  run->add_option("--controller-line", words.run.controller_lines,
+                  "LINE=PORT: the controller's port, where the emulated boards have another one on the same wire");
   run->add_option("--rt", words.rt_priority,
                   "Wall-clock pace: programs and bench run at this SCHED_FIFO priority, 1..99")
       ->check(CLI::Range(1, 99));
@@ -109,6 +114,15 @@ void add_replay_command(CLI::App& app, cli::ReplayRequest& request) {
       "Example: meltbench replay meltbench-out --to controller");
 }
 
+/// @throws std::invalid_argument if a serial port is to run in virtual time.
+void settle_lines(cli::RunRequest& run) {
+  if (run.lines.empty() && run.controller_lines.empty()) return;
+  if (run.pace_given && run.pace.is_virtual()) {
+    throw std::invalid_argument{"a serial port has no virtual time: use --pace realtime"};
+  }
+  run.pace.kind = cli::Pace::Kind::kRealTime;
+}
+
 /// @throws std::invalid_argument for what cannot go together.
 void settle(Words& words, const CLI::App& run) {
   words.run.pace = cli::parse_pace(words.pace);
@@ -119,8 +133,13 @@ void settle(Words& words, const CLI::App& run) {
     if (!words.run.can.empty()) throw std::invalid_argument{"--in-process uses no bus that --can could name"};
     words.run.pace.kind = cli::Pace::Kind::kInProcess;
   }
-  const bool on_kernel =
-      !words.run.can.empty() && link::parse_bus_uri(words.run.can).kind == link::BusUri::Kind::kSocketCan;
+  const auto kind = words.run.can.empty() ? link::BusUri::Kind::kVirtual : link::parse_bus_uri(words.run.can).kind;
+  if (kind == link::BusUri::Kind::kSlcan || kind == link::BusUri::Kind::kNone) {
+    throw std::invalid_argument{
+        "a run is on an embedded bus or on a kernel interface: slcan: and none are for plant_emulator and controller "
+        "started by hand"};
+  }
+  const bool on_kernel = kind == link::BusUri::Kind::kSocketCan;
   if (on_kernel) {
     if (words.run.pace_given && words.run.pace.is_virtual()) {
       throw std::invalid_argument{"a kernel bus has no virtual time: use --pace realtime"};
@@ -131,6 +150,7 @@ void settle(Words& words, const CLI::App& run) {
     }
     words.run.pace.kind = cli::Pace::Kind::kRealTime;
   }
+  settle_lines(words.run);
   if (!words.run.tap.is_wanted() && run.count("--tap-wait") + run.count("--tap-read-only") > 0) {
     throw std::invalid_argument{"--tap-wait and --tap-read-only say how others come in by --tap or --slcan-pty"};
   }

@@ -10,6 +10,7 @@
 #include <fstream>
 #include <stdexcept>
 #include <system_error>
+#include <thread>
 
 #include "bench/bus/broker.hpp"
 #include "bench/bus/virtual_time.hpp"
@@ -22,6 +23,7 @@
 #include "bench/record/run_recorder.hpp"
 #include "controller/machine/controller.hpp"
 #include "plant_emulator/emulator.hpp"
+#include "protocols/config/line_ports.hpp"
 #include "protocols/link/socketcan_link.hpp"
 #include "protocols/runtime/real_time_process.hpp"
 #include "protocols/runtime/stop_signal.hpp"
@@ -255,6 +257,12 @@ std::filesystem::path program_folder() {
   return std::filesystem::read_symlink("/proc/self/exe").parent_path();
 }
 
+std::vector<std::string> line_options(const std::vector<std::string>& lines) {
+  std::vector<std::string> options;
+  for (const std::string& line : lines) options.insert(options.end(), {"--line", line});
+  return options;
+}
+
 /// The programs of a run and their connections.
 class Programs {
  public:
@@ -271,8 +279,17 @@ class Programs {
       if (request.rt_priority) command.insert(command.end(), {"--rt", std::to_string(*request.rt_priority)});
       children_.emplace_back(program, command, cpu);
     };
-    if (prepared.controller) start("controller", request.controller_can.empty() ? can : request.controller_can, {});
-    if (prepared.plant) start("plant_emulator", can, {"--seed", std::to_string(prepared.run.seed)});
+    if (prepared.plant) {
+      std::vector<std::string> more = line_options(prepared.plant_lines);
+      more.insert(more.end(), {"--seed", std::to_string(prepared.run.seed)});
+      remove_pseudo_terminals(prepared.plant_lines);
+      start("plant_emulator", can, more);
+      wait_for_pseudo_terminals(prepared.plant_lines);
+    }
+    if (prepared.controller) {
+      start("controller", request.controller_can.empty() ? can : request.controller_can,
+            line_options(prepared.controller_lines));
+    }
   }
 
   /// @throws std::runtime_error naming the program that ended before it joined.
@@ -298,6 +315,29 @@ class Programs {
   }
 
  private:
+  /// Names of the pseudo-terminals that a program makes: "pty:NAME".
+  static std::vector<std::filesystem::path> pseudo_terminals(const std::vector<std::string>& lines) {
+    std::vector<std::filesystem::path> names;
+    for (const std::string& line : lines) {
+      const std::size_t at = line.find("=pty:");
+      if (at != std::string::npos) names.emplace_back(line.substr(at + 5));
+    }
+    return names;
+  }
+  static void remove_pseudo_terminals(const std::vector<std::string>& lines) {
+    for (const auto& name : pseudo_terminals(lines)) {
+      if (std::filesystem::is_symlink(name)) std::filesystem::remove(name);
+    }
+  }
+  /// The controller may be told to open what the emulator makes. One that ends instead is told of later.
+  void wait_for_pseudo_terminals(const std::vector<std::string>& lines) {
+    for (const auto& name : pseudo_terminals(lines)) {
+      while (!std::filesystem::is_symlink(name) && describe_ends().empty() && !runtime::stop_requested()) {
+        std::this_thread::sleep_for(1ms);
+      }
+    }
+  }
+
   std::vector<ChildProcess> children_;
 };
 
@@ -361,8 +401,11 @@ record::Recording run_at_wall_clock(PreparedRun& prepared, const RunRequest& req
   if (!kernel_bus) print_invitation(prepared, broker);
   std::vector<bus::Joined> joined = programs.wait_until_joined(broker, prepared.info.participants);
   Progress progress{prepared.run.label(), prepared.run.duration, request.quiet};
-  bus::WallClockRelay relay{joined, broker, kernel_bus ? &*kernel_bus : nullptr, prepared.run.record_period,
-                            tap.outside()};
+  bus::WallClockRelay relay{joined,
+                            broker,
+                            kernel_bus ? &*kernel_bus : nullptr,
+                            prepared.run.record_period,
+                            {.lines = prepared.run.rig.lines, .outside = tap.outside()}};
   std::optional<record::RunRecorder> recorder;
   open_recorder(recorder, prepared, relay.signals());
   Observer observer{*recorder, wire_of(prepared), progress};
@@ -391,6 +434,23 @@ void require_readers(const PreparedRun& prepared) {
   }
 }
 
+/// Gives each port to the program that opens it.
+/// @throws std::invalid_argument for words that name no line of the rig, or a program that is not ours.
+void assign_ports(PreparedRun& prepared, const RunRequest& request) {
+  const config::Rig& rig = prepared.run.rig;
+  prepared.controller_lines = request.controller_lines;
+  for (const serial::LinePort& port : config::read_line_ports(request.lines, rig)) {
+    const bool emulated = std::ranges::any_of(
+        rig.boards, [&](const config::RigBoard& board) { return board.line == port.line && !board.is_real; });
+    auto& lines = emulated ? prepared.plant_lines : prepared.controller_lines;
+    lines.push_back(fmt::format("{}={}", port.line, port.port));
+  }
+  static_cast<void>(config::read_line_ports(prepared.controller_lines, rig));
+  if (!prepared.controller && !prepared.controller_lines.empty()) {
+    throw std::invalid_argument{"the controller is external: give it its serial port by its own means"};
+  }
+}
+
 /// How time passes in this run: real parts have a clock of their own.
 /// @throws config::ConfigError if the user asked for virtual time.
 Pace choose_pace(const scenario::ResolvedRun& run, const RunRequest& request) {
@@ -414,7 +474,7 @@ PreparedRun prepare(scenario::ResolvedRun run, std::filesystem::path folder, con
   if (request.rt_priority && pace.is_virtual()) {
     throw std::invalid_argument{"--rt is for wall-clock pace: virtual time waits for everybody"};
   }
-  PreparedRun prepared{std::move(run), std::move(folder), pace, {}, {}, {}, nullptr, nullptr, std::nullopt};
+  PreparedRun prepared{std::move(run), std::move(folder), pace, {}, {}, {}, nullptr, nullptr, {}, {}, std::nullopt};
   const config::Section& root = prepared.run.root;
   const config::Rig& rig = prepared.run.rig;
   std::vector<SignalInfo> signals;
@@ -426,6 +486,7 @@ PreparedRun prepare(scenario::ResolvedRun run, std::filesystem::path folder, con
     prepared.plant = std::make_unique<emulator::Emulator>(emulator::read_settings(root, rig), prepared.run.seed);
     append(signals, prepared.plant->signals());
   }
+  assign_ports(prepared, request);
   prepared.info = make_info(prepared, request);
   prepared.info.unseen = name_unseen(prepared);
   require_readers(prepared);

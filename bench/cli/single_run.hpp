@@ -23,9 +23,11 @@ struct PreparedRun {
   record::RunInfo info;
   check::CheckSet checks;
   std::vector<fault::Fault> faults;
-  std::unique_ptr<Participant> controller;  ///< Null: external.
-  std::unique_ptr<Participant> plant;       ///< Null: every board is real.
-  std::optional<record::WireSignals> wire;  ///< Recorded where parts are not ours, or a check asks for it.
+  std::unique_ptr<Participant> controller;    ///< Null: external.
+  std::unique_ptr<Participant> plant;         ///< Null: every board is real.
+  std::vector<std::string> plant_lines;       ///< LINE=PORT, of serial lines that are ports of this machine.
+  std::vector<std::string> controller_lines;  ///< The same.
+  std::optional<record::WireSignals> wire;    ///< Recorded where parts are not ours, or a check asks for it.
 };
 
 /// Reads everything that the run's programs will read, so that every mistake in a file is told before anything starts.
