@@ -211,7 +211,9 @@ ExitStatus replay_to_live_side(const ReplayRequest& request) {
                                    : std::array<runtime::ParticipantPort*, 2>{&log_port, &live_port};
   Witness witness{request.update_reference};
   runtime::catch_stop_signals();
-  const bus::RunOutcome outcome = bus::VirtualTime{ports, run.record_period, witness}.run(script.end.since_start);
+  const bus::RunMedia media{.lines = run.rig.lines};
+  const bus::RunOutcome outcome =
+      bus::VirtualTime{ports, run.record_period, witness, media}.run(script.end.since_start);
   comparison.finish(script.end);
   witness.finish();
   fmt::print("{} of {} s replayed to the {}: {} answers compared, {} differ; largest shift {:.3f} ms\n", path.string(),
