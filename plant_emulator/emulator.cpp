@@ -13,6 +13,7 @@
 #include "plant_emulator/board/melt_pressure.hpp"
 #include "plant_emulator/board/preconditioner.hpp"
 #include "plant_emulator/board/rtu_feeder.hpp"
+#include "plant_emulator/board/rtu_heater.hpp"
 #include "plant_emulator/board/screw_drive.hpp"
 
 namespace meltbench::emulator {
@@ -55,6 +56,9 @@ std::unique_ptr<board::RtuBoard> make_rtu_board(const BoardSettings& settings, s
   const board::Chance chance{seed, settings.name};
   if (const auto* feeder = std::get_if<board::FeederSettings>(&settings.firmware)) {
     return std::make_unique<board::RtuFeeder>(settings.name, settings.unit, *feeder, chance, process);
+  }
+  if (const auto* heater = std::get_if<board::HeaterSettings>(&settings.firmware)) {
+    return std::make_unique<board::RtuHeater>(settings.name, settings.unit, *heater, chance, process);
   }
   throw std::invalid_argument(fmt::format("there is no such board as {} for a serial line", settings.name));
 }

@@ -30,9 +30,9 @@ std::shared_ptr<const canopen::ObjectDictionary> read_dictionary(const config::R
 
 BoardSettings read_board(const config::RigBoard& board, const board::PlantRates& rates) {
   const bool on_line = board.is_on_line();
-  if (on_line && board.kind != BoardKind::kFeeder) {
+  if (on_line && board.kind != BoardKind::kFeeder && board.kind != BoardKind::kHeater) {
     board.section.fail("line", fmt::format("a {} speaks CANopen only", config::name_of(board.kind)),
-                       "give it node_id and eds instead; a feeder can be on a line");
+                       "give it node_id and eds instead; feeder and heater can be on a line");
   }
   BoardSettings settings{board.name, board.node_id, on_line ? nullptr : read_dictionary(board),
                          {},         board.line,    board.unit};
@@ -55,13 +55,16 @@ BoardSettings read_board(const config::RigBoard& board, const board::PlantRates&
     case BoardKind::kMeltCamera:
       settings.firmware = board::read_melt_camera_settings(board.section);
       break;
-    case BoardKind::kHeater:
+    case BoardKind::kHeater: {
       if (rates.barrel_zones == 0) {
         board.section.fail("kind", "must not be \"heater\": this plant has a barrel of one constant temperature",
                            "[plant] kind = \"coupled\" has heated zones");
       }
-      settings.firmware = board::read_heater_settings(board.section, rates);
+      board::HeaterSettings heater = board::read_heater_settings(board.section, rates);
+      if (on_line) board::read_serial_settings(board.section, heater);
+      settings.firmware = heater;
       break;
+    }
   }
   board.section.finish();
   return settings;

@@ -10,24 +10,11 @@
 #include <vector>
 
 #include "plant_emulator/board/board.hpp"
-#include "plant_emulator/board/relay_tuner.hpp"
+#include "plant_emulator/board/heat_zone.hpp"
 #include "plant_emulator/board/sampling.hpp"
 #include "plant_emulator/board/settings.hpp"
 
 namespace meltbench::board {
-
-/// Bits of object 2102.
-enum ZoneState : std::uint8_t {
-  kZoneOn = 0x01,          ///< Released, and the master is there.
-  kZoneWarm = 0x02,        ///< Within 2101 of the set point.
-  kZoneTooHot = 0x04,      ///< Alarm: above 2100.
-  kZoneSensorOpen = 0x08,  ///< Alarm: the thermocouple is broken.
-  kZoneNoRise = 0x10,      ///< Alarm: full power for 2103 s has not warmed it by 2104.
-  kZoneUnasked = 0x20,     ///< Alarm: it has warmed by 2104 in 2103 s above the set point without power.
-  kZoneAutotune = 0x40,    ///< A relay experiment runs.
-  kZoneAlarm = 0x80,       ///< Off because of an alarm.
-};
-inline constexpr std::uint8_t kZoneAlarms = kZoneTooHot | kZoneSensorOpen | kZoneNoRise | kZoneUnasked;
 
 /// Bits of object 2001.
 enum HeaterStatus : std::uint8_t { kHeaterOn = 0x01, kHeaterMasterLost = 0x02, kHeaterAlarm = 0x04 };
@@ -46,10 +33,8 @@ enum HeaterStatus : std::uint8_t { kHeaterOn = 0x01, kHeaterMasterLost = 0x02, k
 /// - 7450, 7452, 7454, 7456:n      proportional band, integral and derivative time, cycle [0.1 K, 0.1 s]; rw
 /// - 2110:n, 2111:n, 2112:n, 2113:n  autotune: command, state (RelayTuner::State), ultimate gain [%/K] and period [s]
 ///
-/// Y = (e + 1/Tn int e dt - Tv dX/dt) / Xp, cut to 0..1; the derivative is that of the temperature, smoothed over Tv/8;
-/// the integral is held while Y is cut, so it cannot wind up. Alarms are latched: the zone stays off until somebody
-/// acknowledges. Watchdog: the first RPDO 1 or 2 starts it; if they then stop, or a heartbeat of 1016 is lost, all
-/// outputs are 0, with EMCY FF01, until the next one comes.
+/// What a zone does is in HeatZone. Watchdog: the first RPDO 1 or 2 starts it; if they then stop, or a heartbeat of
+/// 1016 is lost, all outputs are 0, with EMCY FF01, until the next one comes.
 class Heater final : public Board {
  public:
   static constexpr std::size_t kChannels = 5;
@@ -91,43 +76,22 @@ class Heater final : public Board {
   };
   struct Channel {
     Objects od;
-    bool fitted = false;
-    bool open = false;        // The thermocouple, at the last sample.
-    double X_degC = 0;        // The last temperature that was one.
-    double rate_K_per_s = 0;  // Smoothed.
-    double integral_Ks = 0;
-    double Y = 0;
-    std::uint8_t alarms = 0;
-    RelayTuner tuner;
+    HeatZone zone;
     RelayTuner::State told = RelayTuner::State::kIdle;
-    bool is_watched = false;  // A supervision window is open, since and from there:
-    bool watches_rise = false;
-    Instant watched_since{};
-    double watched_from_degC = 0;
-    Instant cycle_ends{};
-    Instant switches_off = Instant::never();
-    std::uint64_t noise_seed = 0;
   };
 
   void take_orders(Instant now);
   void lose_master(Instant now, std::string_view why);
   void set_release(std::uint8_t bits);
-  [[nodiscard]] bool is_on(std::size_t channel) const;
-  void measure(Channel& channel, std::size_t number, Instant at);
-  void control(Channel& channel, std::size_t number, Instant at);
-  [[nodiscard]] double calc_output(Channel& channel) const;
-  [[nodiscard]] double set_degC(const Channel& channel) const;
-  void watch(Channel& channel, std::size_t number, Instant at);
-  void raise_alarm(Channel& channel, std::size_t number, Instant at, ZoneState alarm);
+  [[nodiscard]] bool is_released(const Channel& channel) const { return !master_lost_ && channel.od.on.get(); }
+  [[nodiscard]] static ZoneParameters parameters_of(const Channel& channel);
+  void raise_alarm(std::size_t number, Instant at, ZoneState alarm);
   void acknowledge(std::uint8_t bits);
   void follow_tuner(Channel& channel, std::size_t number, Instant at);
-  void drive(Channel& channel, std::size_t number, Instant at);
-  void switch_off(Channel& channel, std::size_t number);
-  [[nodiscard]] std::uint8_t zone_state(std::size_t number) const;
 
   HeaterSettings settings_;
   SampleClock clock_;
-  std::array<Channel, kChannels> channels_;
+  std::vector<Channel> channels_;  // kChannels.
   canopen::OdValue<std::uint8_t> release_, board_status_;
   canopen::OdValue<std::uint16_t> watchdog_ms_;
   std::uint8_t release_seen_ = 0;

@@ -54,6 +54,10 @@ void read_serial_settings(const config::Section& section, FeederSettings& settin
   settings.answer_delay = section.duration_or("answer_delay_ms", 2, between(0, 1000));
 }
 
+void read_serial_settings(const config::Section& section, HeaterSettings& settings) {
+  settings.answer_delay = section.duration_or("answer_delay_ms", 2, between(0, 1000));
+}
+
 ScrewDriveSettings read_screw_drive_settings(const config::Section& section, const PlantRates& plant) {
   ScrewDriveSettings settings;
   settings.sample_time = read_firmware_time(section, "sample_time_ms", 1, 0.01, 100);

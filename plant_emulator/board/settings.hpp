@@ -166,6 +166,7 @@ struct MeltCameraSettings {
 /// - autotune_hysteresis_K 0.05..20 (0.3)       of the relay that tries the zone out
 /// - watchdog_ms           0..65535 (1000)      no set points for so long: all off, 0 = off; object 2006
 /// - warm_start            (unless cold)        powers up in control of zones that are warm already
+/// and on a serial line: answer_delay_ms as the feeder's.
 struct HeaterSettings {
   std::size_t barrel_zones = 4;  ///< From the plant; no key.
   Nanos sample_time = 100ms;
@@ -184,13 +185,15 @@ struct HeaterSettings {
   std::uint16_t watchdog_ms = 1000;
   bool warm_start = false;
   std::array<PlantRates::Zone, 5> start{};  ///< From the plant; no key.
+  Nanos answer_delay = 2ms;
 };
 
 /// Read the board's own keys; the section's finish() is the caller's.
 /// @throws config::ConfigError for a value out of range, or a time that is not a whole number of microseconds.
 [[nodiscard]] FeederSettings read_feeder_settings(const config::Section& section, const PlantRates& plant);
-/// What a feeder on a serial line has besides.
+/// What boards on a serial line have besides.
 void read_serial_settings(const config::Section& section, FeederSettings& settings);
+void read_serial_settings(const config::Section& section, HeaterSettings& settings);
 [[nodiscard]] ScrewDriveSettings read_screw_drive_settings(const config::Section& section, const PlantRates& plant);
 [[nodiscard]] MeltPressureSettings read_melt_pressure_settings(const config::Section& section);
 [[nodiscard]] PreconditionerSettings read_preconditioner_settings(const config::Section& section,
