@@ -53,6 +53,7 @@ writes "2 half of a float"                'Illegal data address'      -t 4 -r 0 
 reads  "2 no such coil"                   'Illegal data address'      -t 0 -r 5
 writes "3 illegal value"                  'Illegal data value'        -t 4 -r 9 -- 7
 writes "3 limits out of order"            'Illegal data value'        -t 4:float -r 2 -- 11
+writes "stop"                             'Written 1 references'  -t 0 -r 0 -- 0
 writes "refill"                           'Written 1 references'  -t 0 -r 2 -- 1
 writes "6 busy: tare while refilling"     'Slave device or server is busy' -t 0 -r 4 -- 1
 sleep 1

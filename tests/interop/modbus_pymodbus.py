@@ -10,6 +10,7 @@ import time
 from pymodbus.client import ModbusSerialClient
 from pymodbus.constants import DeviceInformation
 from pymodbus.mei_message import ReadDeviceInformationRequest
+from pymodbus.other_message import GetCommEventLogRequest, ReadExceptionStatusRequest, ReportSlaveIdRequest
 from pymodbus.pdu import ExceptionResponse
 
 UNIT = 1
@@ -67,17 +68,17 @@ def use_functions(feeder):
     feeder.holds("stopped", client.read_coils(0, 2, slave=UNIT).bits[:2] == [False, True])
     feeder.done("15", client.write_coils(0, [True, False], slave=UNIT))
     answer = feeder.done("23", client.readwrite_registers(read_address=REPORT + 18, read_count=2, write_address=0,
-                                                         write_registers=words_of(7.5), slave=UNIT))
+                                                         write_registers=words_of(7.5), unit=UNIT))
     feeder.holds("23 writes before it reads", number_of(answer.registers) == 7.5)
 
 
 def ask_identity(feeder):
     for code in (DeviceInformation.Basic, DeviceInformation.Regular, DeviceInformation.Extended):
-        answer = feeder.client.execute(ReadDeviceInformationRequest(read_code=code, slave=UNIT))
+        answer = feeder.client.execute(ReadDeviceInformationRequest(read_code=code, unit=UNIT))
         feeder.done("43/14", answer)
         feeder.holds("vendor", answer.information[0] == b"Meltbench")
         feeder.holds("product code", answer.information[1] == b"LIW-1")
-    answer = feeder.client.execute(ReadDeviceInformationRequest(DeviceInformation.Specific, 1, slave=UNIT))
+    answer = feeder.client.execute(ReadDeviceInformationRequest(DeviceInformation.Specific, 1, unit=UNIT))
     feeder.holds("one object", answer.information == {1: b"LIW-1"})
 
 
@@ -98,17 +99,18 @@ def broadcast(feeder):
 
 def be_refused(feeder):
     client = feeder.client
-    feeder.refused("unknown function", 1, client.report_slave_id(slave=UNIT))
-    feeder.refused("file record", 1, client.read_fifo_queue(0, slave=UNIT))
+    for request in (ReportSlaveIdRequest(unit=UNIT), ReadExceptionStatusRequest(unit=UNIT), GetCommEventLogRequest(unit=UNIT)):
+        feeder.refused("unknown function", 1, client.execute(request))
     feeder.refused("address", 2, client.read_holding_registers(11, 1, slave=UNIT))
     feeder.refused("end of the report", 2, client.read_input_registers(25, 2, slave=UNIT))
     feeder.refused("discrete inputs", 2, client.read_discrete_inputs(0, 8, slave=UNIT))
     feeder.refused("coils", 2, client.read_coils(5, 1, slave=UNIT))
     feeder.refused("read only", 2, client.write_registers(REPORT, [0, 0], slave=UNIT))
     feeder.refused("half of a float", 2, client.write_register(1, 0, slave=UNIT))
-    feeder.refused("object", 2, client.execute(ReadDeviceInformationRequest(DeviceInformation.Specific, 9, slave=UNIT)))
+    feeder.refused("object", 2, client.execute(ReadDeviceInformationRequest(DeviceInformation.Specific, 9, unit=UNIT)))
     feeder.refused("not a number", 3, client.write_registers(0, words_of(math.nan), slave=UNIT))
     feeder.refused("mode", 3, client.write_register(9, 2, slave=UNIT))
+    feeder.done("stop", client.write_coil(0, False, slave=UNIT))  # What is full stays full.
     feeder.done("refill", client.write_coil(2, True, slave=UNIT))
     feeder.refused("tare while refilling", 6, client.write_coil(4, True, slave=UNIT))
     time.sleep(1)

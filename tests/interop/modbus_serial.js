@@ -22,7 +22,8 @@ const refused = async (what, code, request) => {
 
 async function main() {
   const client = new ModbusRTU();
-  await client.connectRTUBuffered(process.argv[2], { baudRate: 19200, parity: "none" });
+  // Not its buffered port: that does not know how long an answer to function 23 is.
+  await client.connectRTU(process.argv[2], { baudRate: 19200, parity: "none" });
   client.setID(1);
   client.setTimeout(1000);
 
@@ -39,18 +40,17 @@ async function main() {
   await client.writeCoils(0, [true]);
   const identity = await client.readDeviceIdentification(1, 0);
   holds("identity (43/14)", identity.data[0] === "Meltbench" && identity.data[1] === "LIW-1");
-  if (client.readWriteRegisters) {
-    const answer = await client.readWriteRegisters(118, 2, 0, words(7.5));
-    holds("writes before it reads (23)", answer.buffer.readFloatBE(0) === 7.5);
-  }
+  const answer = await client.readWriteRegisters(118, 2, 0, 2, words(7.5));
+  holds("writes before it reads (23)", words(7.5).every((word, i) => answer.data[i] === word));
 
-  await refused("unknown function", 1, client.reportServerID(1));
+  await refused("unknown function", 1, client.reportServerID(0, 0));
   await refused("address", 2, client.readHoldingRegisters(50, 1));
   await refused("read only", 2, client.writeRegister(100, 1));
   await refused("half of a float", 2, client.writeRegister(0, 1));
   await refused("quantity", 3, client.readHoldingRegisters(0, 126));
   await refused("mode", 3, client.writeRegister(9, 2));
   await refused("not a number", 3, client.writeRegisters(0, words(NaN)));
+  await client.writeCoil(0, false); // Stopped: what is full stays full.
   await client.writeCoil(2, true);
   await refused("tare while refilling", 6, client.writeCoil(4, true));
   await pause(1000);
