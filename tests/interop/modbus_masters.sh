@@ -14,9 +14,9 @@ case $master in
   mbpoll) command -v mbpoll >/dev/null || skip "mbpoll is not installed" ;;
   npm)
     command -v npm >/dev/null || skip "npm is not installed"
-    mkdir -p "$build/npm"
-    [ -d "$build/npm/node_modules/modbus-serial" ] ||
-      npm install --prefix "$build/npm" --no-audit --no-fund --silent modbus-serial@8.0.25 ||
+    mkdir -p "$build/npm/modbus"
+    [ -d "$build/npm/modbus/node_modules/modbus-serial" ] ||
+      npm install --prefix "$build/npm/modbus" --no-audit --no-fund --silent modbus-serial@8.0.25 ||
       skip "npm cannot fetch modbus-serial@8.0.25" ;;
 esac
 
@@ -34,5 +34,5 @@ done
 case $master in
   pymodbus) /usr/bin/python3 "$here/modbus_pymodbus.py" "$folder/dosing" ;;
   mbpoll) "$here/modbus_mbpoll.sh" "$folder/dosing" 19200 none ;;
-  npm) NODE_PATH="$build/npm/node_modules" node "$here/modbus_serial.js" "$folder/dosing" ;;
+  npm) NODE_PATH="$build/npm/modbus/node_modules" node "$here/modbus_serial.js" "$folder/dosing" ;;
 esac
