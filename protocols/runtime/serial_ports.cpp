@@ -49,22 +49,24 @@ void SerialPorts::note_down(std::size_t number, Instant now, std::vector<Event>&
   line.down_since = now;
   line.told_lost_bytes = line.lost_bytes;  // They were lost because it went down, which is told here.
   ++line.downs;
-  events.push_back({now, Severity::kWarning, "line-down", fmt::format("serial line {} went down", line.name)});
+  events.push_back(
+      {now, Severity::kWarning, "port-down", fmt::format("the port of serial line {} has gone", line.name)});
 }
 
 void SerialPorts::note_up(std::size_t number, Instant now, std::vector<Event>& events) {
   const Line& line = lines_[number];
   states_[number] = LinkState::kUp;
-  events.push_back({now, Severity::kInfo, "line-up",
-                    fmt::format("serial line {} is up again after {:.1f} s; times down so far: {}", line.name,
-                                to_s(now - line.down_since), line.downs)});
+  events.push_back({now, Severity::kInfo, "port-up",
+                    fmt::format("the port of serial line {} is there again after {:.1f} s; times gone so far: {}",
+                                line.name, to_s(now - line.down_since), line.downs)});
 }
 
 void SerialPorts::note_losses(Line& line, Instant now, std::vector<Event>& events) {
   if (line.lost_bytes == line.told_lost_bytes) return;
   line.told_lost_bytes = line.lost_bytes;
-  events.push_back({now, Severity::kWarning, "line-full",
-                    fmt::format("serial line {} takes no more; bytes lost so far: {}", line.name, line.lost_bytes)});
+  events.push_back(
+      {now, Severity::kWarning, "port-full",
+       fmt::format("the port of serial line {} takes no more; bytes lost so far: {}", line.name, line.lost_bytes)});
 }
 
 void SerialPorts::write(const Outbox& out) {

@@ -160,9 +160,9 @@ TEST_CASE("Real-time driver: bytes go out over a serial port, arrive, and the pa
   other.write("answer");
   read_report_until([](const auto& values) { return values[1] >= 2; });
   REQUIRE(all_events.size() == 2);
-  CHECK(all_events[0].code == "line-down");
+  CHECK(all_events[0].code == "port-down");
   CHECK(all_events[0].severity == Severity::kWarning);
-  CHECK(all_events[1].code == "line-up");
+  CHECK(all_events[1].code == "port-up");
   link::MessageWriter writer;
   writer.begin(link::MessageType::kStop);
   REQUIRE(bench.send(writer.bytes()));
