@@ -14,6 +14,7 @@
 #include "bench/cli/replay_command.hpp"
 #include "bench/cli/report_command.hpp"
 #include "bench/cli/run_command.hpp"
+#include "bench/cli/show_command.hpp"
 #include "bench/cli/version.hpp"
 #include "bench/log/log_error.hpp"
 #include "bench/record/load_recording.hpp"
@@ -47,6 +48,7 @@ struct Words {
   std::filesystem::path page;
   std::filesystem::path scenario;
   cli::ReplayRequest replay;
+  cli::ShowRequest show;
   std::filesystem::path from;
   std::filesystem::path to;
   cli::Examination examination;
@@ -123,6 +125,15 @@ void settle_lines(cli::RunRequest& run) {
   run.pace.kind = cli::Pace::Kind::kRealTime;
 }
 
+void add_show_command(CLI::App& app, cli::ShowRequest& request) {
+  CLI::App* show = app.add_subcommand("show", "Tell in words what happened on a recorded bus");
+  show->add_option("log", request.log, "A log (candump, ASC, BLF, gzip), or a run's folder")->required();
+  show->add_option("--scenario", request.scenario, "Whose rig it is  (default: repro.toml beside the log)");
+  show->add_option("--channel", request.channel, "Channel of the log  (default: that of the first frame)");
+  show->add_flag("--frames", request.frames, "Every frame, decoded, in place of the story");
+  show->footer("Example: meltbench show night.log.gz --scenario fixtures/scenarios/coupled_start_up.toml");
+}
+
 /// @throws std::invalid_argument for what cannot go together.
 void settle(Words& words, const CLI::App& run) {
   words.run.pace = cli::parse_pace(words.pace);
@@ -183,6 +194,7 @@ ExitStatus dispatch(CLI::App& app, Words& words) {
   if (app.got_subcommand("report")) return cli::make_report(words.folders, words.page);
   if (app.got_subcommand("check")) return cli::check_again(words.folders, words.scenario);
   if (app.got_subcommand("replay")) return cli::replay_log(words.replay);
+  if (app.got_subcommand("show")) return cli::show_log(words.show);
   if (app.got_subcommand("convert")) return cli::convert_log(words.from, words.to);
   return cli::examine_machine(words.examination);
 }
@@ -213,6 +225,7 @@ int main(int argc, char** argv) {
   CLI::App* doctor = app.add_subcommand("doctor", "Say what this machine offers, and how to get what is missing");
   doctor->add_option("--rig", words.examination.rig, "A rig: compare its bit rate, look for its boards");
   doctor->add_option("--can", words.examination.can, "A kernel interface: listen for two seconds who is there");
+  add_show_command(app, words.show);
   try {
     app.parse(argc, argv);
     return static_cast<int>(dispatch(app, words));

@@ -10,11 +10,11 @@
 
 #include "bench/bus/virtual_time.hpp"
 #include "bench/cli/log_commands.hpp"
+#include "bench/cli/recorded_log.hpp"
 #include "bench/log/log_error.hpp"
 #include "bench/log/log_writer.hpp"
 #include "bench/replay/log_partner.hpp"
 #include "bench/replay/raw_replay.hpp"
-#include "bench/scenario/scenario.hpp"
 #include "controller/machine/controller.hpp"
 #include "plant_emulator/emulator.hpp"
 #include "protocols/link/socketcan_link.hpp"
@@ -61,11 +61,6 @@ replay::RawReplayRequest to_raw_request(const ReplayRequest& request) {
     raw.renames.push_back({pair->first, pair->second});
   }
   return raw;
-}
-
-/// The log that is meant: the file, or bus.log of a run's folder.
-std::filesystem::path find_log(const std::filesystem::path& path) {
-  return std::filesystem::is_directory(path) ? path / "bus.log" : path;
 }
 
 double percentile(std::vector<float>& values, double share) {
@@ -172,23 +167,11 @@ void print_differences(const replay::Comparison& comparison, const std::filesyst
   }
 }
 
-/// The one run that the scenario describes.
-scenario::ResolvedRun load_single(const ReplayRequest& request, const std::filesystem::path& log) {
-  const auto file = request.scenario.empty() ? log.parent_path() / "repro.toml" : request.scenario;
-  if (request.scenario.empty() && !std::filesystem::exists(file)) {
-    throw std::invalid_argument{
-        fmt::format("{} is not there: say with --scenario which rig and settings the log is of", file.string())};
-  }
-  std::vector<scenario::ResolvedRun> runs = scenario::load(file);
-  if (runs.size() > 1) throw std::invalid_argument{"the scenario has variants: give the repro.toml of one"};
-  return std::move(runs.front());
-}
-
 ExitStatus replay_to_live_side(const ReplayRequest& request) {
   const bool to_controller = request.to == "controller";
   if (!to_controller && request.to != "boards") throw std::invalid_argument{"--to controller, or --to boards"};
   const std::filesystem::path path = find_log(request.log);
-  const scenario::ResolvedRun run = load_single(request, path);
+  const scenario::ResolvedRun run = load_run_of(request.scenario, path);
   const auto reader = log::open_log(path);
   decode::BusView of_log{run.rig};
   const replay::Script script = replay::read_script(*reader, of_log, request.channel);

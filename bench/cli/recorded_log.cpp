@@ -1,0 +1,46 @@
+#include "bench/cli/recorded_log.hpp"
+
+#include <fmt/format.h>
+
+#include <stdexcept>
+
+namespace meltbench::cli {
+namespace {
+
+/// No run is as long; a log whose first stamp is larger has the date in it.
+constexpr Nanos kDate = 365 * 86'400s;
+
+}  // namespace
+
+std::filesystem::path find_log(const std::filesystem::path& path) {
+  return std::filesystem::is_directory(path) ? path / "bus.log" : path;
+}
+
+scenario::ResolvedRun load_run_of(const std::filesystem::path& scenario, const std::filesystem::path& log) {
+  const auto file = scenario.empty() ? log.parent_path() / "repro.toml" : scenario;
+  if (scenario.empty() && !std::filesystem::exists(file)) {
+    throw std::invalid_argument{
+        fmt::format("{} is not there: say with --scenario which rig and settings the log is of", file.string())};
+  }
+  std::vector<scenario::ResolvedRun> runs = scenario::load(file);
+  if (runs.size() > 1) throw std::invalid_argument{"the scenario has variants: give the repro.toml of one"};
+  return std::move(runs.front());
+}
+
+ChannelLog::ChannelLog(const std::filesystem::path& log, std::string channel)
+    : reader_{log::open_log(log)}, channel_{std::move(channel)} {}
+
+bool ChannelLog::next(log::LogEntry& entry) {
+  while (reader_->next(entry)) {
+    const std::string& name = reader_->channels()[entry.channel];
+    if (channel_.empty()) channel_ = name;
+    if (name != channel_) continue;
+    if (!begun_ && entry.at.since_start > kDate) zero_ = entry.at;
+    begun_ = true;
+    entry.at = Instant{entry.at - zero_};
+    return true;
+  }
+  return false;
+}
+
+}  // namespace meltbench::cli

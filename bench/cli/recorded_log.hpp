@@ -1,0 +1,40 @@
+#pragma once
+/// What the commands on a recorded log have in common.
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "bench/log/log_reader.hpp"
+#include "bench/scenario/scenario.hpp"
+
+namespace meltbench::cli {
+
+/// The log that is meant: the file, or bus.log of a run's folder.
+[[nodiscard]] std::filesystem::path find_log(const std::filesystem::path& path);
+
+/// The one run that a scenario describes; without a scenario, repro.toml beside the log.
+/// @throws std::invalid_argument if there is none or several, config::ConfigError.
+[[nodiscard]] scenario::ResolvedRun load_run_of(const std::filesystem::path& scenario,
+                                                const std::filesystem::path& log);
+
+/// Frames of one channel of a log, their time since the log's beginning.
+class ChannelLog {
+ public:
+  /// @param channel  if empty, that of the first frame. @throws log::LogError
+  ChannelLog(const std::filesystem::path& log, std::string channel);
+
+  /// @returns false at the end. The instant counts from zero(). @throws log::LogError
+  [[nodiscard]] bool next(log::LogEntry& entry);
+  /// What the entries count from: the beginning of the run, or, of a log with dates, its first frame.
+  [[nodiscard]] Instant zero() const { return zero_; }
+  [[nodiscard]] const log::LogReader& reader() const { return *reader_; }
+
+ private:
+  std::unique_ptr<log::LogReader> reader_;
+  std::string channel_;
+  bool begun_ = false;
+  Instant zero_{};
+};
+
+}  // namespace meltbench::cli

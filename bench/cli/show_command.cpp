@@ -1,0 +1,68 @@
+#include "bench/cli/show_command.hpp"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "bench/cli/log_commands.hpp"
+#include "bench/cli/recorded_log.hpp"
+#include "bench/decode/story.hpp"
+
+namespace meltbench::cli {
+namespace {
+
+constexpr std::size_t kLoadsInALine = 10;
+
+void print_frames(ChannelLog& log, const config::Rig& rig) {
+  decode::BusView view{rig};
+  log::LogEntry entry;
+  while (log.next(entry)) {
+    view.take(entry.frame);
+    fmt::print("{:14.6f}  {}\n", to_s(entry.at), view.describe(entry.frame));
+  }
+}
+
+void print_load(const decode::Load& load) {
+  if (load.per_second.empty()) return;
+  const auto [least, most] = std::ranges::minmax(load.per_second);
+  fmt::print("load per second: min {:.1f} %, mean {:.1f} %, max {:.1f} %\n", 100.0F * least, 100.0 * load.mean,
+             100.0F * most);
+  for (std::size_t first = 0; first < load.per_second.size(); first += kLoadsInALine) {
+    fmt::print("{:8} s ", first);
+    const std::size_t end = std::min(first + kLoadsInALine, load.per_second.size());
+    for (std::size_t i = first; i < end; ++i) fmt::print(" {:5.1f}", 100.0F * load.per_second[i]);
+    fmt::print("\n");
+  }
+}
+
+void print_story(ChannelLog& log, const config::Rig& rig) {
+  decode::Story story{rig};
+  log::LogEntry entry;
+  while (log.next(entry)) story.take(entry.at, entry.frame);
+  story.finish();
+  if (log.zero() > Instant{}) {
+    fmt::print("0 s is {:%Y-%m-%d %H:%M:%S} UTC\n", fmt::gmtime(log.zero().since_start / 1s));
+  }
+  for (const decode::Finding& finding : story.findings()) fmt::print("{:14.6f}  {}\n", to_s(finding.at), finding.text);
+  if (story.left_out() > 0) fmt::print("and {} more\n", story.left_out());
+  fmt::print("{} frames in {:.6f} s\n", story.frames(), to_s(story.end()));
+  print_load(story.load());
+}
+
+}  // namespace
+
+ExitStatus show_log(const ShowRequest& request) {
+  const std::filesystem::path path = find_log(request.log);
+  const scenario::ResolvedRun run = load_run_of(request.scenario, path);
+  ChannelLog log{path, request.channel};
+  if (request.frames) {
+    print_frames(log, run.rig);
+  } else {
+    print_story(log, run.rig);
+  }
+  print_log_warnings(log.reader(), path);
+  return ExitStatus::kHeld;
+}
+
+}  // namespace meltbench::cli

@@ -1,0 +1,21 @@
+#pragma once
+/// Tells what happened on a recorded bus.
+
+#include <filesystem>
+#include <string>
+
+#include "bench/cli/exit_status.hpp"
+
+namespace meltbench::cli {
+
+struct ShowRequest {
+  std::filesystem::path log;       ///< A log, or a run's folder.
+  std::filesystem::path scenario;  ///< Whose rig it is. Default: repro.toml in the run's folder, or beside the log.
+  std::string channel;             ///< Default: that of the first frame.
+  bool frames = false;             ///< Every frame, decoded, in place of the story.
+};
+
+/// @throws log::LogError, config::ConfigError, std::invalid_argument without a scenario.
+[[nodiscard]] ExitStatus show_log(const ShowRequest& request);
+
+}  // namespace meltbench::cli

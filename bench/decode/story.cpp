@@ -1,0 +1,488 @@
+#include "bench/decode/story.hpp"
+
+#include <fmt/format.h>
+#include <linux/can/error.h>
+
+#include <algorithm>
+
+#include "protocols/can/frame_length.hpp"
+#include "protocols/canopen/emcy.hpp"
+
+namespace meltbench::decode {
+namespace {
+
+constexpr double kGapPeriods = 2.5;           // As consumers of heartbeats usually wait.
+constexpr Nanos kRow = 1s;                    // Equal things closer than this are one finding.
+constexpr Nanos kSetPointRow = 500ms;         // Changes of a set point closer than this are one finding.
+constexpr Nanos kResetTakes = 2s;             // A boot-up so soon after the master's reset is its effect.
+constexpr Nanos kAnswerWithin = 1s;           // An SDO server that has not answered by then does not.
+constexpr std::size_t kMaxSeconds = 1 << 22;  // Of load: 48 days.
+constexpr double kLeastSecond = 0.5;          // A shorter rest at the end says nothing about the load.
+constexpr std::uint16_t kInputStatus = 0x6150;
+
+/// Median of the gaps, if they are alike; one odd one among five is forgiven on either side.
+std::optional<std::int64_t> regular_period(std::array<std::int64_t, 5> gaps) {
+  std::ranges::sort(gaps);
+  const std::int64_t median = gaps[2];
+  const bool is_regular = median > 0 && 2 * gaps[1] >= median && 2 * gaps[3] <= 3 * median;
+  return is_regular ? std::optional{median} : std::nullopt;
+}
+
+std::string describe_status(std::uint16_t status) {
+  std::string words;
+  const auto add = [&](unsigned bit, std::string_view word) {
+    if ((status & bit) != 0) words += fmt::format("{}{}", words.empty() ? "" : ", ", word);
+  };
+  add(1, "not valid");
+  add(2, "above its range");
+  add(4, "below its range");
+  return words.empty() ? fmt::format("status {:02X}h", status) : words;
+}
+
+std::string describe_error_class(std::uint32_t id) {
+  std::string words;
+  const auto add = [&](unsigned bit, std::string_view word) {
+    if ((id & bit) != 0) words += fmt::format("{}{}", words.empty() ? "" : ", ", word);
+  };
+  add(CAN_ERR_PROT, "protocol error");
+  add(CAN_ERR_ACK, "no acknowledge");
+  add(CAN_ERR_LOSTARB, "arbitration lost");
+  add(CAN_ERR_CRTL, "controller's warning");
+  add(CAN_ERR_TRX, "transceiver");
+  add(CAN_ERR_TX_TIMEOUT, "transmit time-out");
+  return words.empty() ? "bus error" : words;
+}
+
+std::uint64_t value_key(std::uint32_t id, canopen::ObjectAddress address) {
+  return std::uint64_t{id} << 24U | std::uint64_t{address.index} << 8U | address.sub;
+}
+
+canopen::ObjectAddress address_in(const can::CanFrame& frame) {
+  return {static_cast<std::uint16_t>(frame.bytes[1] | frame.bytes[2] << 8U), frame.bytes[3]};
+}
+
+}  // namespace
+
+Story::Story(const config::Rig& rig)
+    : view_{rig},
+      bit_time_{1'000'000'000LL / rig.bus.bit_rate_bit_per_s},
+      data_bit_time_{1'000'000'000LL / rig.bus.data_bit_rate_bit_per_s},
+      controller_id_{rig.controller_node_id} {
+  known_nodes_.push_back(rig.controller_node_id);
+  for (const config::RigBoard& board : rig.boards) {
+    if (board.node_id != 0) known_nodes_.push_back(board.node_id);
+  }
+}
+
+Finding* Story::add(Finding finding) {
+  if (findings_.size() >= kMaxFindings) {
+    ++left_out_;
+    spare_ = std::move(finding);
+    return &spare_;
+  }
+  findings_.push_back(std::move(finding));
+  return &findings_.back();
+}
+
+/// Adds, and notes where it is, for what comes later of the same.
+Finding* Story::open(std::size_t& place, Finding finding) {
+  place = findings_.size() < kMaxFindings ? findings_.size() : kNone;
+  return add(std::move(finding));
+}
+
+void Story::take(Instant at, const can::CanFrame& frame) {
+  now_ = std::max(now_, at);
+  ++frames_;
+  if (frame.kind == can::FrameKind::kError) return on_error(frame);
+  add_load(frame);
+  if (frame.extended || frame.kind != can::FrameKind::kData) return on_unknown(frame);
+  view_.take(frame);
+  const FrameMeaning meaning = view_.meaning_of(frame);
+  const bool is_known = meaning.node == 0 || std::ranges::find(known_nodes_, meaning.node) != known_nodes_.end();
+  if (meaning.service == Service::kOther || !is_known) on_unknown(frame);
+  switch (meaning.service) {
+    case Service::kNmt:
+      return on_nmt(frame);
+    case Service::kSync:
+      return follow_cycle(meaning, frame.id);
+    case Service::kEmcy:
+      return on_emcy(meaning, frame);
+    case Service::kTpdo:
+      on_measurements(meaning, frame);
+      return follow_cycle(meaning, frame.id);
+    case Service::kRpdo:
+      return on_set_points(meaning, frame);
+    case Service::kSdoRequest:
+    case Service::kSdoResponse:
+      return on_sdo(meaning, frame);
+    case Service::kHeartbeat:
+      return on_heartbeat(meaning, frame);
+    case Service::kOther:
+      return;
+  }
+}
+
+void Story::on_nmt(const can::CanFrame& frame) {
+  if (frame.length < 2) return;
+  add({.kind = FindingKind::kNmt, .at = now_, .id = frame.id, .text = view_.describe(frame)});
+  const auto command = static_cast<canopen::NmtCommand>(frame.bytes[0]);
+  const bool is_reset =
+      command == canopen::NmtCommand::kResetNode || command == canopen::NmtCommand::kResetCommunication;
+  for (const std::uint8_t id : known_nodes_) {
+    if (frame.bytes[1] != 0 && frame.bytes[1] != id) continue;
+    if (is_reset) nodes_[id].reset_asked = now_;
+    if (command != canopen::NmtCommand::kStart) forget_cycles(id, is_reset);
+  }
+}
+
+void Story::on_heartbeat(const FrameMeaning& meaning, const can::CanFrame& frame) {
+  if (frame.length != 1) return;
+  Node& node = nodes_[meaning.node];
+  const auto state = static_cast<std::uint8_t>(frame.bytes[0] & 0x7FU);
+  if (state == 0) {
+    const bool is_first = node.state == 0xFF;
+    const bool is_asked = is_first || now_ - node.reset_asked <= kResetTakes;
+    const std::string who = view_.name_of(meaning.node);
+    add({.kind = FindingKind::kBoot,
+         .at = now_,
+         .node = meaning.node,
+         .id = frame.id,
+         .code = static_cast<std::uint16_t>(is_asked ? 0 : 1),
+         .text = is_asked ? who + " boots up"
+                          : who + " boots up although nobody has asked for it: it was reset, or lost power"});
+    forget_cycles(meaning.node, true);
+    node.state = state;
+    return;
+  }
+  follow_cycle(meaning, frame.id);
+  if (state != node.state) {
+    add({.kind = FindingKind::kState,
+         .at = now_,
+         .node = meaning.node,
+         .code = state,
+         .text = fmt::format("{} is {}", view_.name_of(meaning.node), text(static_cast<canopen::NmtState>(state)))});
+  }
+  node.state = state;
+}
+
+void Story::on_emcy(const FrameMeaning& meaning, const can::CanFrame& frame) {
+  const auto emcy = canopen::parse_emcy(frame);
+  if (!emcy) return;
+  Node& node = nodes_[meaning.node];
+  if (node.emcy != kNone) {
+    Finding& row = findings_[node.emcy];
+    if (row.code == emcy->emcy.code && now_ - *row.until <= kRow) {
+      ++row.count;
+      row.until = now_;
+      return;
+    }
+  }
+  std::string text = emcy->emcy.code == 0 ? fmt::format("{} EMCY 0000h: an error is over", view_.name_of(meaning.node))
+                                          : view_.describe(frame);
+  text += fmt::format(" (error register {:02X}h)", emcy->emcy.error_register);
+  open(node.emcy, {.kind = FindingKind::kEmcy,
+                   .at = now_,
+                   .until = now_,
+                   .node = meaning.node,
+                   .id = frame.id,
+                   .code = emcy->emcy.code,
+                   .text = std::move(text)});
+}
+
+// --- SDO
+
+void Story::on_sdo(const FrameMeaning& meaning, const can::CanFrame& frame) {
+  if (frame.length != 8) return;
+  const bool is_request = meaning.service == Service::kSdoRequest;
+  Talk& talk = nodes_[meaning.node].talk;
+  const unsigned command = frame.bytes[0] >> 5U;
+  if (frame.bytes[0] == 0x80) {
+    const auto code = static_cast<canopen::AbortCode>(canopen::load<std::uint32_t>(frame.data(), 4));
+    const std::string who = is_request ? std::string{"the master"} : view_.name_of(meaning.node);
+    add({.kind = FindingKind::kSdoFailed,
+         .at = now_,
+         .node = meaning.node,
+         .id = frame.id,
+         .address = address_in(frame),
+         .text = fmt::format("SDO {} of {}: aborted by {} with {:08X}, {}", text(address_in(frame)),
+                             view_.name_of(meaning.node), who, static_cast<std::uint32_t>(code), text(code))});
+    talk.request.reset();
+    return;
+  }
+  if (!is_request) {
+    talk.request.reset();
+    if (talk.group != kNone) findings_[talk.group].until = now_;
+    return;
+  }
+  // Initiate download, upload, block upload (the request that opens it), block download. The rest are segments.
+  const bool begins = command == 1 || command == 2 || (command == 5 && (frame.bytes[0] & 3U) == 0) ||
+                      (command == 6 && (frame.bytes[0] & 1U) == 0);
+  if (!begins) return;
+  if (talk.request) fail_request(meaning.node, talk, "no answer");
+  talk.request = frame;
+  talk.asked_at = now_;
+  if (talk.group != kNone && now_ - *findings_[talk.group].until <= kRow) {
+    ++findings_[talk.group].count;
+    return;
+  }
+  open(talk.group, {.kind = FindingKind::kSdo,
+                    .at = now_,
+                    .until = now_,
+                    .node = meaning.node,
+                    .id = frame.id,
+                    .text = fmt::format("SDO dialogue with {}", view_.name_of(meaning.node))});
+}
+
+void Story::fail_request(std::uint8_t node, Talk& talk, const std::string& why) {
+  const canopen::ObjectAddress address = address_in(*talk.request);
+  add({.kind = FindingKind::kSdoFailed,
+       .at = talk.asked_at,
+       .node = node,
+       .id = talk.request->id,
+       .address = address,
+       .text = fmt::format("SDO {} of {}: {}", text(address), view_.name_of(node), why)});
+  talk.request.reset();
+}
+
+// --- values
+
+void Story::on_set_points(const FrameMeaning& meaning, const can::CanFrame& frame) {
+  for (const DecodedValue& value : view_.values_of(frame)) {
+    const auto [place, is_first] = values_.try_emplace(value_key(frame.id, value.address));
+    Value& known = place->second;
+    if (!is_first && known.last == value.value) continue;
+    const double before = is_first ? value.value : known.last;
+    known.last = value.value;
+    if (known.finding != kNone) {
+      Finding& row = findings_[known.finding];
+      if (now_ - *row.until <= kSetPointRow) {
+        ++row.count;
+        row.until = now_;
+        row.after = value.value;
+        continue;
+      }
+    }
+    open(known.finding, {.kind = FindingKind::kSetPoint,
+                         .at = now_,
+                         .until = now_,
+                         .node = meaning.node,
+                         .id = frame.id,
+                         .address = value.address,
+                         .before = before,
+                         .after = value.value,
+                         .text = fmt::format("to {}: {}", view_.name_of(meaning.node), value.name)});
+  }
+}
+
+void Story::on_measurements(const FrameMeaning& meaning, const can::CanFrame& frame) {
+  for (const DecodedValue& value : view_.values_of(frame)) {
+    if (value.address.index != kInputStatus) continue;
+    const auto status = static_cast<std::uint16_t>(value.value);
+    Value& known = values_[value_key(frame.id, value.address)];
+    if (known.last == value.value) continue;
+    known.last = value.value;
+    if (known.finding != kNone) findings_[known.finding].until = now_;
+    known.finding = kNone;
+    if (status == 0) continue;
+    open(known.finding,
+         {.kind = FindingKind::kInvalid,
+          .at = now_,
+          .node = meaning.node,
+          .id = frame.id,
+          .code = status,
+          .address = value.address,
+          .text = fmt::format("{}: {} is {}", view_.name_of(meaning.node), value.name, describe_status(status))});
+  }
+}
+
+// --- what does not come, comes too often, or should not come
+
+void Story::follow_cycle(const FrameMeaning& meaning, std::uint32_t id) {
+  const auto [place, is_first] = cycles_.try_emplace(id);
+  Cycle& cycle = place->second;
+  cycle.node = meaning.node;
+  const Nanos gap = is_first || cycle.seen == 0 ? Nanos{0} : now_ - cycle.last;
+  if (cycle.seen++ > 0) {
+    tell_gap(cycle, id, now_);
+    const auto period = cycle.seen > cycle.gaps_ns.size() ? regular_period(cycle.gaps_ns) : std::nullopt;
+    const bool has_own_time = meaning.service == Service::kSync || meaning.service == Service::kHeartbeat;
+    if (has_own_time && period && 5 * gap.count() < 2 * *period) {
+      if (cycle.early != kNone && now_ - *findings_[cycle.early].until <= kRow) {
+        ++findings_[cycle.early].count;
+        findings_[cycle.early].until = now_;
+      } else {
+        const std::string who = meaning.service == Service::kSync ? "SYNC" : view_.name_of(meaning.node) + " heartbeat";
+        open(cycle.early, {.kind = FindingKind::kTooOften,
+                           .at = now_,
+                           .until = now_,
+                           .node = meaning.node,
+                           .id = id,
+                           .text = fmt::format("{} comes too often, {:.6g} ms after the one before: two senders?", who,
+                                               to_s(gap) * 1e3)});
+      }
+    }
+    cycle.gaps_ns[cycle.seen % cycle.gaps_ns.size()] = gap.count();
+  }
+  cycle.last = now_;
+}
+
+void Story::tell_gap(Cycle& cycle, std::uint32_t id, std::optional<Instant> until) {
+  if (cycle.seen <= cycle.gaps_ns.size() + 1) return;
+  const auto period = regular_period(cycle.gaps_ns);
+  const Nanos gap = until.value_or(now_) - cycle.last;
+  if (!period || static_cast<double>(gap.count()) <= kGapPeriods * static_cast<double>(*period)) return;
+  can::CanFrame sample;
+  sample.id = id;
+  const FrameMeaning meaning = view_.meaning_of(sample);
+  const bool is_heartbeat = meaning.service == Service::kHeartbeat;
+  std::string what = "SYNC";
+  if (is_heartbeat) what = view_.name_of(cycle.node) + " heartbeat";
+  if (meaning.service == Service::kTpdo) what = fmt::format("{} TPDO{}", view_.name_of(cycle.node), meaning.number);
+  add({.kind = is_heartbeat ? FindingKind::kHeartbeatLost : FindingKind::kGap,
+       .at = cycle.last,
+       .until = until,
+       .node = cycle.node,
+       .id = id,
+       .before = to_s(Nanos{*period}),
+       .text = std::move(what)});
+}
+
+/// What a node does after a reset, or as a state allows, says nothing about before.
+void Story::forget_cycles(std::uint8_t node, bool with_heartbeat) {
+  for (auto& [id, cycle] : cycles_) {
+    if (cycle.node != node || cycle.seen == 0) continue;
+    const bool is_heartbeat = id == canopen::cob_id::heartbeat(node);
+    if (is_heartbeat && !with_heartbeat) continue;
+    tell_gap(cycle, id, now_);
+    cycle.seen = 0;
+  }
+}
+
+void Story::on_unknown(const can::CanFrame& frame) {
+  const auto [place, is_first] = unknown_.try_emplace(frame.id | (frame.extended ? 0x8000'0000U : 0U), kNone);
+  if (place->second != kNone && now_ - *findings_[place->second].until <= kRow) {
+    ++findings_[place->second].count;
+    findings_[place->second].until = now_;
+    return;
+  }
+  open(place->second, {.kind = FindingKind::kUnknown,
+                       .at = now_,
+                       .until = now_,
+                       .id = frame.id,
+                       .text = fmt::format("identifier {:03X}h is nobody's of this rig", frame.id)});
+}
+
+void Story::on_error(const can::CanFrame& frame) {
+  const auto tell = [&](std::uint16_t code, std::string_view text) {
+    add({.kind = FindingKind::kErrorState, .at = now_, .id = frame.id, .code = code, .text = std::string{text}});
+  };
+  if ((frame.id & CAN_ERR_BUSOFF) != 0) return tell(1, "bus-off");
+  if ((frame.id & CAN_ERR_RESTARTED) != 0) return tell(2, "restarted after bus-off");
+  if ((frame.id & CAN_ERR_CRTL) != 0 && (frame.bytes[1] & (CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE)) != 0) {
+    return tell(3, "error-passive");
+  }
+  if (errors_ != kNone && findings_[errors_].id == frame.id && now_ - *findings_[errors_].until <= kRow) {
+    ++findings_[errors_].count;
+    findings_[errors_].until = now_;
+    return;
+  }
+  open(errors_, {.kind = FindingKind::kErrorFrames,
+                 .at = now_,
+                 .until = now_,
+                 .id = frame.id,
+                 .text = fmt::format("error frame: {}", describe_error_class(frame.id))});
+}
+
+void Story::add_load(const can::CanFrame& frame) {
+  const auto second = static_cast<std::size_t>(now_.since_start / 1s);
+  if (second >= kMaxSeconds) return;
+  if (second >= busy_ns_.size()) busy_ns_.resize(second + 1);
+  const Nanos on_wire = can::time_on_wire(can::calc_frame_length(frame), bit_time_, data_bit_time_);
+  busy_ns_[second] += (on_wire + can::kIntermissionBits * bit_time_).count();
+}
+
+// --- the end
+
+void Story::finish() {
+  for (auto& [id, cycle] : cycles_) {
+    if (cycle.seen > 0) tell_gap(cycle, id, std::nullopt);
+  }
+  for (const std::uint8_t id : known_nodes_) {
+    Talk& talk = nodes_[id].talk;
+    if (talk.request && now_ - talk.asked_at > kAnswerWithin) fail_request(id, talk, "no answer");
+  }
+  absorb_gaps();
+  for (Finding& finding : findings_) word(finding);
+  std::ranges::stable_sort(findings_, {}, &Finding::at);
+  std::int64_t total = 0;
+  for (std::size_t second = 0; second < busy_ns_.size(); ++second) {
+    total += busy_ns_[second];
+    const double share = std::min(1.0, to_s(now_) - static_cast<double>(second));
+    if (share < kLeastSecond) break;
+    load_.per_second.push_back(static_cast<float>(static_cast<double>(busy_ns_[second]) / 1e9 / share));
+  }
+  if (now_ > Instant{}) load_.mean = static_cast<double>(total) / static_cast<double>(now_.since_start.count());
+}
+
+/// Frames are not missed of a node that is silent, nor answers to a SYNC that does not come.
+void Story::absorb_gaps() {
+  const auto overlaps = [this](const Finding& one, const Finding& other) {
+    return one.at <= other.until.value_or(now_) && other.at <= one.until.value_or(now_);
+  };
+  std::vector<Finding> causes;
+  for (std::size_t i = 0; i < findings_.size(); ++i) {
+    const Finding& finding = findings_[i];
+    const bool is_sync = finding.kind == FindingKind::kGap && finding.node == 0;
+    if (finding.kind != FindingKind::kHeartbeatLost && !is_sync) continue;
+    causes.push_back(finding);
+  }
+  std::erase_if(findings_, [&](const Finding& gap) {
+    if (gap.kind != FindingKind::kGap || gap.node == 0) return false;
+    for (Finding& cause : causes) {
+      if ((cause.node != gap.node && cause.node != 0) || !overlaps(cause, gap)) continue;
+      if (cause.kind == FindingKind::kHeartbeatLost) {
+        cause.code = 1;
+        cause.at = std::max(cause.at, gap.at);
+      }
+      return true;
+    }
+    return false;
+  });
+  // Erasing kept the order; the causes themselves are all still there.
+  auto cause = causes.begin();
+  for (Finding& finding : findings_) {
+    const bool is_sync = finding.kind == FindingKind::kGap && finding.node == 0;
+    if (finding.kind == FindingKind::kHeartbeatLost || is_sync) finding = std::move(*cause++);
+  }
+}
+
+void Story::word(Finding& finding) const {
+  const std::string until =
+      finding.until ? fmt::format("{:.6f} s", to_s(*finding.until)) : std::string{"the end of the log"};
+  const double lasted_s = to_s(finding.until.value_or(now_) - finding.at);
+  switch (finding.kind) {
+    case FindingKind::kHeartbeatLost:
+    case FindingKind::kGap:
+      finding.text += fmt::format(" lost: none from here to {}, {:.6g} s; one every {:.6g} ms before", until, lasted_s,
+                                  finding.before * 1e3);
+      if (finding.code == 1) finding.text += "; nothing else of it either";
+      return;
+    case FindingKind::kSdo:
+      finding.text += fmt::format(": {} transfers to {}", finding.count, until);
+      return;
+    case FindingKind::kSetPoint:
+      finding.text += finding.count == 1 && finding.before == finding.after
+                          ? fmt::format(" {:.6g}", finding.after)
+                          : fmt::format(" {:.6g} -> {:.6g}", finding.before, finding.after);
+      if (finding.count > 1) finding.text += fmt::format(", {} changes to {}", finding.count, until);
+      return;
+    case FindingKind::kInvalid:
+      finding.text += fmt::format(", to {}", until);
+      return;
+    default:
+      if (finding.count > 1) finding.text += fmt::format("; {} of them to {}", finding.count, until);
+      return;
+  }
+}
+
+}  // namespace meltbench::decode
