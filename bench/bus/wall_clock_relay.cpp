@@ -95,7 +95,7 @@ RunOutcome WallClockRelay::run(Nanos duration, double speed, RunObserver& observ
     }
   }
   outcome.at = std::min(clock_.now(), Instant{duration});
-  outcome.lost_frames = lost_frames_;
+  outcome.lost_frames = lost_frames_ + (kernel_bus_ != nullptr ? kernel_bus_->counters().dropped : 0);
   write_rows_until(outcome.at);
   for (Joined& outsider : outsiders_) stop(outsider);
   return outcome;

@@ -388,13 +388,14 @@ record::Recording run_in_lockstep(PreparedRun& prepared, const RunRequest& reque
 }
 
 record::Recording run_at_wall_clock(PreparedRun& prepared, const RunRequest& request) {
-  if (request.rt_priority) runtime::take_priority(*request.rt_priority);  // The relay is part of the way of a frame.
   std::optional<link::SocketCanLink> kernel_bus;
   if (!request.can.empty()) {
     const link::BusUri uri = link::parse_bus_uri(request.can);
     if (uri.kind == link::BusUri::Kind::kSocketCan) kernel_bus.emplace(uri.name);
   }
   RunTap tap{request};
+  // The relay is part of the way of a frame. On a kernel bus it only listens, and must not hold up those who speak.
+  if (request.rt_priority && !kernel_bus) runtime::take_priority(*request.rt_priority);
   bus::Broker broker{choose_bus_name(request)};
   write_repro_file(prepared);
   Programs programs{prepared, request, broker.bus_name(), std::nullopt};

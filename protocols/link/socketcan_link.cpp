@@ -16,6 +16,8 @@
 namespace meltbench::link {
 namespace {
 
+constexpr int kReceiveBytes = 4 << 20;  // Some 5000 frames: seconds of a full bus.
+
 Nanos read_clock(clockid_t clock) noexcept {
   timespec reading{};
   ::clock_gettime(clock, &reading);
@@ -76,7 +78,10 @@ OpenedSocket open_socket(const std::string& interface_name) noexcept {
   set_option(fd, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, can_err_mask_t{CAN_ERR_MASK});
   set_option(fd, SOL_SOCKET, SO_TIMESTAMPNS, 1);
   set_option(fd, SOL_SOCKET, SO_RXQ_OVFL, 1);
-  set_option(fd, SOL_SOCKET, SO_RCVBUF, 1 << 20);
+  // Root may have more than the system's limit, which is some 300 frames.
+  if (!set_option(fd, SOL_SOCKET, SO_RCVBUFFORCE, kReceiveBytes)) {
+    set_option(fd, SOL_SOCKET, SO_RCVBUF, kReceiveBytes);
+  }
   if (::bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0) return failed(OpenStep::kBind);
   return opened;
 }

@@ -79,7 +79,9 @@ DriverEnd RealTimeDriver::run() {
     collect_arrivals();
     const bool due = now_ >= deadline;
     if (due) note_lateness(deadline);
-    if (due || (has_arrivals() && out_.wake_on() == WakeOn::kArrivalOrDeadline)) wake();
+    // A row shows its own instant, not that of the latest wake-up, which may be a whole cycle ago.
+    const bool recorded = bench_ != nullptr && now_ >= next_record_;
+    if (due || recorded || (has_arrivals() && out_.wake_on() == WakeOn::kArrivalOrDeadline)) wake();
     send_waiting();
     if (now_ >= next_record_) report();
   }

@@ -42,6 +42,19 @@ class Metronome final : public Participant {
   double received_ = 0;
 };
 
+/// Wants to be woken by nothing but arrivals, and counts how often it was woken.
+class WakeCounter final : public Participant {
+ public:
+  [[nodiscard]] std::string_view name() const override { return "counter"; }
+  [[nodiscard]] std::span<const SignalInfo> signals() const override { return signals_; }
+  void read_signals(std::span<double> values) const override { values[0] = wakes_; }
+  void wake(const Wakeup&, Outbox&) override { wakes_ += 1; }
+
+ private:
+  std::array<SignalInfo, 1> signals_{{{"counter.wakes", SignalKind::kValue}}};
+  double wakes_ = 0;
+};
+
 /// Answers every frame with one whose id is higher by 0x100; ids from 0x700 on are not answered.
 class Echo final : public Participant {
  public:

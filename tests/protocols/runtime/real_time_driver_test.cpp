@@ -99,6 +99,32 @@ TEST_CASE("Real-time driver: frames go out in order, arrive, and are reported un
   CHECK(driven.stop() == DriverEnd::kStopped);
 }
 
+TEST_CASE("Real-time driver: the participant is woken for each report, so that it shows the report's own instant",
+          "[runtime]") {
+  test::WakeCounter counter;
+  auto can = make_pair(SOCK_DGRAM);
+  auto bench = make_pair(SOCK_SEQPACKET);
+  std::thread thread{[&] {
+    link::SocketCanLink link{std::move(can[0]), "test0", false};
+    BenchClient client{link::BenchSocket{std::move(bench[0])}};
+    static_cast<void>(
+        RealTimeDriver{counter, link, &client, {link::Pace::kWallClock, 1.0, read_monotonic(), 1ms}}.run());
+  }};
+  link::BenchSocket reader{std::move(bench[1])};
+  std::span<const std::uint8_t> message;
+  std::vector<Event> events;
+  std::array<double, 4> values{};
+  for (int reports = 1; reports <= 5; ++reports) {
+    REQUIRE(reader.receive(message) == link::ReceiveStatus::kMessage);
+    REQUIRE(read_report(message, events, values).has_value());
+    CHECK(values[0] >= reports);  // It asked for no wake-up but the first.
+  }
+  link::MessageWriter writer;
+  writer.begin(link::MessageType::kStop);
+  CHECK(reader.send(writer.bytes()));
+  thread.join();
+}
+
 TEST_CASE("Real-time driver: an unplugged link is told to the bench, and what cannot be sent is counted", "[runtime]") {
   DrivenMetronome driven;
   static_cast<void>(driven.receive_frame());
