@@ -1,9 +1,10 @@
 # make run    builds and runs the main scenarios         make test   runs every test that this machine can run
 # make build  builds the three programs                  make bench  measures speeds
+# make test-kernel  runs the programs over a real kernel's CAN and serial ports, in small virtual machines
 BIN := build/release/bin
 RUN_OUT := build/run
 
-.PHONY: run test build bench bench-realtime asan tsan fuzz deps clean
+.PHONY: run test test-kernel build bench bench-realtime asan tsan fuzz deps clean
 
 run: build
 	@$(BIN)/meltbench run fixtures/scenarios/delay_compensation.toml --out $(RUN_OUT)
@@ -12,6 +13,9 @@ run: build
 test: build
 	@cmake --build --preset release
 	@.ci/test build/release
+
+test-kernel: build
+	@tests/kernel/run $(BIN) build/kernel
 
 build: deps
 	@cmake --preset release >build/configure.log 2>&1 || { cat build/configure.log; exit 1; }

@@ -76,8 +76,10 @@ CLI::App* add_run_command(CLI::App& app, Words& words) {
                   "emulated, else the controller's; runs at --pace realtime");
   run->add_option("--controller-line", words.run.controller_lines,
                   "LINE=PORT: the controller's port, where the emulated boards have another one on the same wire");
-  run->add_option("--rt", words.rt_priority,
-                  "Wall-clock pace: programs and bench run at this SCHED_FIFO priority, 1..99")
+  run->add_option(
+         "--rt", words.rt_priority,
+         "Wall-clock pace: SCHED_FIFO priority, 1..99, of the controller; the boards one below, and on an embedded "
+         "bus the bench as the controller")
       ->check(CLI::Range(1, 99));
   run->add_option(
       "--tap", words.run.tap.socketcand,

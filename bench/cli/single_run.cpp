@@ -263,6 +263,11 @@ std::vector<std::string> line_options(const std::vector<std::string>& lines) {
   return options;
 }
 
+/// The controller before the boards, as at one instant of virtual time: its SYNC must not wait for their arithmetic.
+int priority_of(std::string_view program, const RunRequest& request) {
+  return std::max(*request.rt_priority - (program == kController ? 0 : 1), 1);
+}
+
 /// The programs of a run and their connections.
 class Programs {
  public:
@@ -276,7 +281,7 @@ class Programs {
       std::vector<std::string> command{fmt::format("{}/{}", folder, program), "--rig", rig, "--can", bus};
       command.insert(command.end(), more.begin(), more.end());
       if (bus != own_bus) command.insert(command.end(), {"--bench", own_bus});
-      if (request.rt_priority) command.insert(command.end(), {"--rt", std::to_string(*request.rt_priority)});
+      if (request.rt_priority) command.insert(command.end(), {"--rt", std::to_string(priority_of(program, request))});
       children_.emplace_back(program, command, cpu);
     };
     if (prepared.plant) {

@@ -10,6 +10,7 @@
 #include <array>
 #include <cerrno>
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 
 #include "protocols/link/can_link.hpp"
@@ -18,7 +19,8 @@
 namespace meltbench::runtime {
 namespace {
 
-constexpr std::size_t kStackBytes = 256 * 1024;  // Far more than the deepest loop of ours takes.
+constexpr std::size_t kStackBytes = 256 * 1024;            // Far more than the deepest loop of ours takes.
+constexpr std::size_t kHeapBytes = std::size_t{16} << 20;  // More than all that is got once the loop runs.
 
 /// Not inlined: the array must lie where the loop's frames will lie.
 [[gnu::noinline]] void touch_stack() {
@@ -26,6 +28,14 @@ constexpr std::size_t kStackBytes = 256 * 1024;  // Far more than the deepest lo
   volatile char* const first = room.data();
   constexpr std::size_t kPage = 4096;
   for (std::size_t at = 0; at < room.size(); at += kPage) first[at] = 0;
+}
+
+/// Locked memory is in RAM as soon as it is there, and what is given back stays with the heap. The write keeps the
+/// compiler from leaving both out.
+void touch_heap() {
+  auto* const room = static_cast<volatile char*>(std::malloc(kHeapBytes));
+  if (room != nullptr) *room = 0;
+  std::free(const_cast<char*>(room));
 }
 
 void lock_memory() {
@@ -36,6 +46,7 @@ void lock_memory() {
   // What the heap once had stays with it: giving memory back and getting it again costs page faults.
   ::mallopt(M_TRIM_THRESHOLD, -1);
   ::mallopt(M_MMAP_MAX, 0);
+  touch_heap();
   touch_stack();
 }
 

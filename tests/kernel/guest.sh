@@ -1,5 +1,6 @@
-# Inside a guest, in dash (busybox's own shell prefers busybox's ip): runs the steps named by $STEPS, one after another, and leaves in $OUT what each one printed, its folder
-# of results, and a line "NAME STATUS SECONDS" in `steps`. Status 0 passed, 77 skipped (last line printed: why).
+# Inside a guest, in dash (busybox's own shell prefers busybox's ip to the real one): runs the steps named by $STEPS, one
+# after another, and leaves in $OUT what each one printed, its folder of results, and a line "NAME STATUS SECONDS" in
+# `steps`. Status 0 passed, 77 skipped (last line printed: why).
 set -u
 export KERNEL="$PROJECT/tests/kernel" PATH="$BIN:$PATH"
 step_limit_s=400  # of guest time
