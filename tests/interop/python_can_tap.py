@@ -2,6 +2,7 @@
 
 Burst: two programs send 20,000 frames each at once, at wall-clock pace: none lost, none changed, order kept, in either
 direction. Looking on: a run in lockstep shows each frame of its bus.log, and leaves the same bytes as without a tap.
+Sending in lockstep: the run says that it cannot be repeated.
 
 Usage: python_can_tap.py MELTBENCH. Status 77: python3-can is not installed.
 """
@@ -12,6 +13,7 @@ import logging
 import pathlib
 import re
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -103,13 +105,28 @@ def test_looking_on(meltbench, out):
     return (seen != logged) + len(different + missing) + bench.returncode
 
 
+def test_sending_in_lockstep(meltbench, out):
+    bench, port = start_bench(meltbench, out, "--tap-wait", "1")
+    with socket.create_connection(("127.0.0.1", port)) as program:  # Sends before the run begins: it waits for that.
+        program.sendall(b"< open can0 >< rawmode >< send 7A0 1 AB >< send 7A1 1 CD >")
+        while program.recv(65536):
+            pass
+    bench.communicate(timeout=30)
+    entered = [line.split()[1:] for line in open(f"{out}/bus.log") if " bench " not in line]
+    events = [line for line in open(f"{out}/events.jsonl") if "frames-from-outside" in line]
+    reproducible = json.load(open(f"{out}/result.json"))["reproducible"]
+    print(f"lockstep: {entered} from outside, {len(events)} event, reproducible: {reproducible}")
+    return (entered != [["tap", "7A0#AB"], ["tap", "7A1#CD"]]) + (len(events) != 1) + reproducible
+
+
 def main():
     if "can" not in globals():
         print("python3-can is not installed")
         return 77
     logging.disable(logging.ERROR)  # 4.1.0 warns of each line end between frames.
     with tempfile.TemporaryDirectory() as folder:
-        failures = test_burst(sys.argv[1], f"{folder}/burst") + test_looking_on(sys.argv[1], f"{folder}/looking_on")
+        tests = {"burst": test_burst, "looking_on": test_looking_on, "sending": test_sending_in_lockstep}
+        failures = sum(test(sys.argv[1], f"{folder}/{name}") for name, test in tests.items())
     return min(failures, 1)
 
 
