@@ -6,6 +6,7 @@
 
 #include "bench/check/kinds.hpp"
 #include "bench/check/series.hpp"
+#include "protocols/can/frame_length.hpp"
 
 namespace meltbench::check {
 namespace {
@@ -89,6 +90,40 @@ Outcome FrameJitter::judge(const record::Recording& recording) const {
                 fmt::format("{} frames {:03X}, period from {:.6g} to {:.6g} ms{}; asked for: at most {:.6g} ms apart",
                             gaps.frames, cob_id, 1e3 * closed[low].length_s, 1e3 * closed[high].length_s,
                             share_text(percentile), 1e3 * to_s(max)));
+}
+
+Outcome BusLoad::judge(const record::Recording& recording) const {
+  Outcome outcome;
+  outcome.unit = "share";
+  if (!recording.info.bit_rate_bit_per_s) return failed(std::move(outcome), "the bit rate of this bus is not known");
+  const Nanos bit_time{1'000'000'000 / *recording.info.bit_rate_bit_per_s};
+  const record::FrameLog& frames = recording.frames;
+  const auto time_of = [&](std::size_t i) {
+    const can::FrameLength length = can::calc_frame_length(frames[i].frame);
+    return (length.nominal_bits + length.data_bits + can::kIntermissionBits) * bit_time;
+  };
+  const auto counts = [&](std::size_t i) {
+    return frames.at(i) >= window.from && frames.at(i) <= window.to && !frames.is_error(i);
+  };
+  Nanos busy{};
+  Nanos most{};
+  Instant most_at = window.from;
+  std::size_t oldest = 0;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    if (!counts(i)) continue;
+    busy += time_of(i);
+    for (; frames.at(i) - frames.at(oldest) >= over; ++oldest) {
+      if (counts(oldest)) busy -= time_of(oldest);
+    }
+    if (busy > most) {
+      most = busy;
+      most_at = frames.at(i);
+    }
+  }
+  const double load = to_s(most) / to_s(over);
+  return judged(std::move(outcome), max - load, to_s(most_at),
+                fmt::format("busiest {:.6g} ms: {:.2f} % of the time; asked for: at most {:.6g} %", 1e3 * to_s(over),
+                            100 * load, 100 * max));
 }
 
 }  // namespace meltbench::check

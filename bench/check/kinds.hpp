@@ -111,6 +111,15 @@ struct FrameJitter {
   [[nodiscard]] Outcome judge(const record::Recording& recording) const;
 };
 
+/// Share of the time that frames take on the wire, exact bits and interframe spaces counted, in the busiest stretch of
+/// the window that is `over` long; all bits at the nominal rate. Needs a bit rate. Margin: share.
+struct BusLoad {
+  double max = 1;
+  Nanos over{};
+  Window window;
+  [[nodiscard]] Outcome judge(const record::Recording& recording) const;
+};
+
 /// A moment in the recording that a reaction starts from or ends with.
 struct Moment {
   struct At {

@@ -17,8 +17,8 @@ using config::Range;
 using config::Section;
 
 constexpr std::array<std::string_view, std::variant_size_v<Kind>> kKindNames{
-    "settle",       "never_settles", "band",     "overshoot", "peak_to_peak", "response",
-    "frame_period", "frame_jitter",  "reaction", "always",    "never",        "event"};
+    "settle",       "never_settles", "band",     "overshoot", "peak_to_peak", "response", "frame_period",
+    "frame_jitter", "bus_load",      "reaction", "always",    "never",        "event"};
 
 Instant instant_or(const Section& section, std::string_view key, Instant fallback) {
   return section.has(key) ? Instant{section.duration(key)} : (static_cast<void>(section.duration_or(key, 0)), fallback);
@@ -150,6 +150,14 @@ Kind read_frame_jitter(const Section& section) {
   return jitter;
 }
 
+Kind read_bus_load(const Section& section) {
+  BusLoad load;
+  load.max = section.number("max", config::between(0, 1));
+  load.over = section.duration_or("over_ms", 100, config::above(0));
+  load.window = read_window(section);
+  return load;
+}
+
 /// "30 81 ..": two hex digits a byte, ".." for any byte.
 std::vector<std::optional<std::uint8_t>> read_pattern(const Section& section) {
   constexpr const char* kHint = "two hex digits per byte, .. for any byte, e.g. data = \"30 81\"";
@@ -225,6 +233,7 @@ Check read_check(const Section& section) {
                                                     {"response", &read_response},
                                                     {"frame_period", &read_frame_period},
                                                     {"frame_jitter", &read_frame_jitter},
+                                                    {"bus_load", &read_bus_load},
                                                     {"reaction", &read_reaction},
                                                     {"always", &read_always},
                                                     {"never", &read_never},

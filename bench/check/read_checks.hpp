@@ -13,7 +13,7 @@
 namespace meltbench::check {
 
 using Kind = std::variant<Settle, NeverSettles, Band, Overshoot, PeakToPeak, Response, FramePeriod, FrameJitter,
-                          Reaction, Always, Never, EventOccurs>;
+                          BusLoad, Reaction, Always, Never, EventOccurs>;
 
 /// One [[check]].
 struct Check {

@@ -15,6 +15,7 @@
 #include "bench/bus/broker.hpp"
 #include "bench/bus/virtual_time.hpp"
 #include "bench/bus/wall_clock_relay.hpp"
+#include "bench/cli/bus_timing.hpp"
 #include "bench/cli/child_process.hpp"
 #include "bench/cli/injection.hpp"
 #include "bench/cli/progress.hpp"
@@ -206,6 +207,14 @@ record::WireSignals* wire_of(PreparedRun& prepared) {
 
 using Ports = std::vector<std::unique_ptr<runtime::ParticipantPort>>;
 
+void note_bus_timing(const PreparedRun& prepared, bus::BitTimedMedium* medium, Instant end,
+                     record::RunRecorder& recorder) {
+  if (medium == nullptr) return;
+  ResponseBounds bounds;
+  if (prepared.controller) bounds = calc_bounds(prepared.run.rig.bus, machine::read_settings(prepared.run.root));
+  recorder.bus_timing(describe(*medium, end.since_start, bounds));
+}
+
 /// @returns how it ended; the recording is not yet finished.
 bus::RunOutcome run_in_virtual_time(PreparedRun& prepared, const RunRequest& request, const Ports& ports,
                                     bus::Outside* outside, std::optional<record::RunRecorder>& recorder) {
@@ -218,7 +227,10 @@ bus::RunOutcome run_in_virtual_time(PreparedRun& prepared, const RunRequest& req
   bus::RunMedia media{.lines = prepared.run.rig.lines, .outside = outside, .intervention = &faults.injector()};
   const config::RigBus& can = prepared.run.rig.bus;
   if (can.fidelity == config::BusFidelity::kBitTimed) media.bit_timed = bus::to_settings(can);
-  return bus::VirtualTime{faults.ports(), prepared.run.record_period, observer, media}.run(prepared.run.duration);
+  bus::VirtualTime time{faults.ports(), prepared.run.record_period, observer, media};
+  const bus::RunOutcome outcome = time.run(prepared.run.duration);
+  note_bus_timing(prepared, time.medium(), outcome.at, *recorder);
+  return outcome;
 }
 
 record::Recording run_in_process(PreparedRun& prepared, const RunRequest& request) {

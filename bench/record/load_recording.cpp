@@ -183,6 +183,7 @@ bool read_events(const std::filesystem::path& path, Recording& recording, std::v
         has_run = true;
       } else if (type == "end") {
         recording.ending = read_end(object);
+        if (object.contains("bus")) recording.bus_timing = object.at("bus").get<BusTiming>();
         has_end = true;
       } else if (type == "event") {
         recording.events.push_back(

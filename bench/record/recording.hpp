@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "bench/record/bus_timing.hpp"
 #include "protocols/can/frame.hpp"
 #include "protocols/participant/participant.hpp"
 #include "protocols/time/instant.hpp"
@@ -135,7 +136,8 @@ struct Recording {
   FrameLog frames;
   std::vector<RecordedEvent> events;
   Ending ending;
-  std::vector<std::string> notes;  ///< What load_recording() had to drop or to guess.
+  std::optional<BusTiming> bus_timing;  ///< Of a bit-timed bus.
+  std::vector<std::string> notes;       ///< What load_recording() had to drop or to guess.
 
   [[nodiscard]] std::size_t row_count() const { return row_times.size(); }
   [[nodiscard]] double value(std::size_t row, std::size_t column) const {

@@ -87,7 +87,8 @@ Json describe_wakeups(const WakeupTiming& timing) {
               {"buckets", std::move(buckets)}};
 }
 
-Json describe_end(const Ending& ending) {
+Json describe_end(const Recording& recording) {
+  const Ending& ending = recording.ending;
   Json end{{"type", "end"},
            {"t_s", to_s(ending.at)},
            {"reason", to_text(ending.reason)},
@@ -96,6 +97,7 @@ Json describe_end(const Ending& ending) {
            {"real_time_factor", nullptr}};
   if (ending.real_time_factor) end["real_time_factor"] = *ending.real_time_factor;
   for (const WakeupTiming& timing : ending.wakeups) end["wakeups"].push_back(describe_wakeups(timing));
+  if (recording.bus_timing) end["bus"] = *recording.bus_timing;
   return end;
 }
 
@@ -233,7 +235,7 @@ Recording RunRecorder::finish(Ending ending) {
       if (file == nullptr || file->error().empty()) continue;
       event("bench", Event{recording_.ending.at, Severity::kFault, "recording-failed", file->error()});
     }
-    append_line(files_->events, describe_end(recording_.ending));
+    append_line(files_->events, describe_end(recording_));
     files_->events.flush();
     if (!files_->events.error().empty()) {
       recording_.events.push_back(

@@ -51,6 +51,9 @@ class RunRecorder {
   /// @param source  name of the participant, or "bench".
   void event(std::string_view source, const Event& event);
 
+  /// What a bit-timed bus has counted in the whole run; before finish().
+  void bus_timing(BusTiming timing) { recording_.bus_timing = std::move(timing); }
+
   /// Hands everything recorded so far to the kernel. For wall-clock paces: call it about once per second.
   void flush();
 

@@ -155,6 +155,7 @@ std::string write_result_json(const record::Recording& recording, const check::C
   result["health"] = describe(results.health);
   result["bus"] = describe(bus);
   result["responses"] = describe_responses(recording);
+  result["bus_timing"] = recording.bus_timing ? Json(*recording.bus_timing) : Json(nullptr);
   result["signals"] = describe_signals(recording);
   return dump(result);
 }

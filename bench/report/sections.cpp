@@ -168,6 +168,49 @@ std::string render_bus_table(const record::BusStatistics& bus) {
   return html + "</tbody></table></div>\n";
 }
 
+std::string render_responses(const record::BusTiming& timing, std::span<const record::NodeName> nodes) {
+  std::string html =
+      "<h3>Response on the bus, from queued to the end of the frame</h3>\n<p class=\"muted\">Bound: worst case by "
+      "analysis of the rig, in operation and without errors (Davis, Burns, Bril, Lukkien 2007).</p>\n"
+      "<div class=\"scroll\"><table><thead><tr><th>COB-ID</th><th>what</th><th>node</th><th "
+      "class=\"number\">frames</th>"
+      "<th class=\"number\">mean wait [ms]</th><th class=\"number\">worst wait [ms]</th>"
+      "<th class=\"number\">worst response [ms]</th><th class=\"number\">bound [ms]</th></tr></thead><tbody>\n";
+  for (const record::ResponseTiming& r : timing.responses) {
+    html += fmt::format(
+        "<tr><td><code>{:0{}X}</code></td><td>{}</td><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{:.3f}"
+        "</td><td class=\"number\">{:.3f}</td><td class=\"number\">{:.3f}</td><td class=\"number\">{}</td></tr>\n",
+        r.id, r.extended ? 8 : 3, r.extended ? std::string{} : escape_markup(record::name_cob_id(r.id, nodes)),
+        escape_markup(r.node), r.frames, 1e3 * r.mean_delay_s, 1e3 * r.worst_delay_s, 1e3 * r.worst_response_s,
+        r.bound_s ? fmt::format("{:.3f}", 1e3 * *r.bound_s) : "–");
+  }
+  return html + "</tbody></table></div>\n";
+}
+
+std::string render_nodes(const record::BusTiming& timing) {
+  std::string html =
+      "<h3>Nodes</h3>\n<div class=\"scroll\"><table><thead><tr><th>node</th><th>at the end</th>"
+      "<th class=\"number\">TEC</th><th class=\"number\">REC</th><th class=\"number\">sent</th>"
+      "<th class=\"number\">received</th><th class=\"number\">dropped</th><th class=\"number\">arbit-lost</th>"
+      "<th class=\"number\">bus-errors</th><th class=\"number\">error-warn</th><th class=\"number\">error-pass</th>"
+      "<th class=\"number\">bus-off</th><th class=\"number\">re-started</th></tr></thead><tbody>\n";
+  for (const record::NodeTiming& n : timing.nodes) {
+    html += fmt::format("<tr><td>{}</td><td>{}</td>", escape_markup(n.name), n.state);
+    for (const std::uint64_t count : {n.tec, n.rec, n.tx_packets, n.rx_packets, n.tx_dropped, n.arbit_lost,
+                                      n.bus_errors, n.error_warn, n.error_pass, n.bus_off, n.re_started}) {
+      html += fmt::format("<td class=\"number\">{}</td>", count);
+    }
+    html += "</tr>\n";
+  }
+  return html + "</tbody></table></div>\n";
+}
+
+std::string render_timing_of_bus(const record::Recording& recording) {
+  if (!recording.bus_timing) return {};
+  return fmt::format("<p>The wire was busy for {} of the run.</p>\n", percent(recording.bus_timing->load)) +
+         render_responses(*recording.bus_timing, recording.info.nodes) + render_nodes(*recording.bus_timing);
+}
+
 /// Identifiers that are sent again and again by themselves: not the questions and answers of SDO.
 std::vector<record::IdStatistics> find_periodic_ids(std::span<const Run> runs) {
   constexpr std::uint64_t kEnough = 20;
@@ -386,7 +429,8 @@ std::string render_bus(std::span<const Run> runs) {
         "<details{}><summary><span class=\"swatch run{}\"></span>{}: {} frames, load {} without stuff bits, {}, {}"
         "</summary>\n{}</details>\n",
         i == 0 ? " open" : "", i % 8, escape_markup(names[i]), bus.frames, percent(bus.load),
-        count_of(bus.error_frames, "error frame"), count_of(bus.lost_frames, "lost frame"), render_bus_table(bus));
+        count_of(bus.error_frames, "error frame"), count_of(bus.lost_frames, "lost frame"),
+        render_bus_table(bus) + render_timing_of_bus(*runs[i].recording));
   }
   return html;
 }

@@ -234,6 +234,28 @@ TEST_CASE("frame_period: a sender that falls silent or never speaks fails", "[ch
   CHECK_FALSE(FramePeriod{0x81, 10ms, 5ms, 100, {}}.judge(recording).held);
 }
 
+TEST_CASE("bus_load: share of the wire's time in the busiest stretch, stuff bits and interframe spaces counted",
+          "[check]") {
+  Recording recording;
+  recording.info.bit_rate_bit_per_s = 500'000;
+  recording.ending.at = Instant{1s};
+  // 080# takes 51 bits of 2 us: 102 us. One every 10 ms, and ten more from 500 ms on, 1 ms apart.
+  for (int i = 0; i < 100; ++i) {
+    recording.frames.push_back(Instant{i * 10ms}, can::make_frame(0x080, {}), 0);
+    for (int j = 1; i == 50 && j <= 9; ++j) {
+      recording.frames.push_back(Instant{500ms + j * 1ms}, can::make_frame(0x080, {}), 0);
+    }
+  }
+  const Outcome outcome = BusLoad{0.1, 10ms, {}}.judge(recording);
+  CHECK_FALSE(outcome.held);  // Ten frames in 10 ms: 10.2 %.
+  CHECK(outcome.margin == Approx(0.1 - 0.102));
+  CHECK(outcome.at_s == Approx(0.509));
+  CHECK(BusLoad{0.1, 100ms, {}}.judge(recording).margin == Approx(0.1 - 19 * 102e-6 / 0.1));
+  CHECK(BusLoad{0.1, 10ms, {Instant{600ms}, Instant::never()}}.judge(recording).margin == Approx(0.1 - 0.0102));
+  recording.info.bit_rate_bit_per_s.reset();
+  CHECK_FALSE(BusLoad{1, 10ms, {}}.judge(recording).held);
+}
+
 TEST_CASE("frame_jitter: longest minus shortest gap", "[check]") {
   const Recording recording = make_sync();
   // 13 ms before and 7 ms after the late one.
