@@ -98,9 +98,10 @@ Outcome BusLoad::judge(const record::Recording& recording) const {
   if (!recording.info.bit_rate_bit_per_s) return failed(std::move(outcome), "the bit rate of this bus is not known");
   const Nanos bit_time{1'000'000'000 / *recording.info.bit_rate_bit_per_s};
   const record::FrameLog& frames = recording.frames;
+  const Nanos space = can::kIntermissionBits * bit_time;
   const auto time_of = [&](std::size_t i) {
     const can::FrameLength length = can::calc_frame_length(frames[i].frame);
-    return (length.nominal_bits + length.data_bits + can::kIntermissionBits) * bit_time;
+    return (length.nominal_bits + length.data_bits) * bit_time + space;
   };
   const auto counts = [&](std::size_t i) {
     return frames.at(i) >= window.from && frames.at(i) <= window.to && !frames.is_error(i);
@@ -115,8 +116,12 @@ Outcome BusLoad::judge(const record::Recording& recording) const {
     for (; frames.at(i) - frames.at(oldest) >= over; ++oldest) {
       if (counts(oldest)) busy -= time_of(oldest);
     }
-    if (busy > most) {
-      most = busy;
+    // The stretch ends with this frame: its interframe space is outside, and so is what began before the stretch.
+    const Nanos before =
+        counts(oldest) ? time_of(oldest) - space - (frames.at(oldest) - (frames.at(i) - over)) : Nanos{};
+    const Nanos inside = busy - space - std::max(before, Nanos{});
+    if (inside > most) {
+      most = inside;
       most_at = frames.at(i);
     }
   }

@@ -247,11 +247,11 @@ TEST_CASE("bus_load: share of the wire's time in the busiest stretch, stuff bits
     }
   }
   const Outcome outcome = BusLoad{0.1, 10ms, {}}.judge(recording);
-  CHECK_FALSE(outcome.held);  // Ten frames in 10 ms: 10.2 %.
-  CHECK(outcome.margin == Approx(0.1 - 0.102));
+  CHECK_FALSE(outcome.held);  // Ten frames in 10 ms, the space behind the last one (6 us) outside: 10.14 %.
+  CHECK(outcome.margin == Approx(0.1 - 0.1014));
   CHECK(outcome.at_s == Approx(0.509));
-  CHECK(BusLoad{0.1, 100ms, {}}.judge(recording).margin == Approx(0.1 - 19 * 102e-6 / 0.1));
-  CHECK(BusLoad{0.1, 10ms, {Instant{600ms}, Instant::never()}}.judge(recording).margin == Approx(0.1 - 0.0102));
+  CHECK(BusLoad{0.1, 100ms, {}}.judge(recording).margin == Approx(0.1 - (19 * 102e-6 - 6e-6) / 0.1));
+  CHECK(BusLoad{0.1, 10ms, {Instant{600ms}, Instant::never()}}.judge(recording).margin == Approx(0.1 - 0.0096));
   recording.info.bit_rate_bit_per_s.reset();
   CHECK_FALSE(BusLoad{1, 10ms, {}}.judge(recording).held);
 }

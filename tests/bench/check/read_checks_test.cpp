@@ -89,6 +89,13 @@ kind = "frame_jitter"
 cob_id = 0x185
 max_ms = 1
 [[check]]
+name = "load"
+kind = "bus_load"
+max = 0.3
+over_ms = 50
+from_s = 1
+to_s = 2
+[[check]]
 name = "i"
 kind = "reaction"
 from = { cob_id = 0x085, data = "30 .. 81" }
@@ -129,7 +136,8 @@ TEST_CASE("Check tables: every kind is read with all its keys", "[check]") {
   const auto& period = std::get<FramePeriod>(set.checks[6].kind);
   CHECK(period.max_deviation == 500us);
   CHECK(period.percentile == 99.9);
-  const auto& reaction = std::get<Reaction>(set.checks[8].kind);
+  CHECK(std::get<BusLoad>(set.checks[8].kind).over == 50ms);
+  const auto& reaction = std::get<Reaction>(set.checks[9].kind);
   CHECK(reaction.within == 20ms);
   const auto& frame = std::get<Moment::OnFrame>(reaction.from.what);
   CHECK(frame.data == std::vector<std::optional<std::uint8_t>>{0x30, std::nullopt, 0x81});
