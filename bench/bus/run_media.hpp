@@ -7,6 +7,7 @@
 #include "bench/bus/intervention.hpp"
 #include "bench/bus/outside.hpp"
 #include "protocols/config/rig.hpp"
+#include "protocols/link/can_link.hpp"
 
 namespace meltbench::bus {
 
@@ -17,6 +18,9 @@ struct RunMedia {
   /// Who else is on the embedded bus; outlives the run; null: nobody. What they send makes the run depend on the wall
   /// clock: in virtual time it enters at the next instant at which somebody is due.
   Outside* outside = nullptr;
+  /// A bus behind an adapter that is to be one with the embedded bus; outlives the run; null: none. At wall-clock pace
+  /// only.
+  link::CanLink* adapter = nullptr;
   /// Stands between the bus and the participants; outlives the run. Null: nobody does. In virtual time only.
   Intervention* intervention = nullptr;
   /// The CAN bus in bit times; nothing: the ideal bus. In virtual time only.

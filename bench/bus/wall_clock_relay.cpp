@@ -29,6 +29,7 @@ WallClockRelay::WallClockRelay(std::span<Joined> joined, Broker& broker, link::C
       outside_{media.outside},
       lines_{media.lines},
       record_period_{record_period} {
+  if (media.adapter != nullptr) gateway_.emplace(*media.adapter);
   for (Joined& program : joined) {
     Party& party = add_party(program);
     party.first_signal = signals_.size();
@@ -82,11 +83,13 @@ RunOutcome WallClockRelay::run(Nanos duration, double speed, RunObserver& observ
   while (runtime::read_monotonic() < end && outcome.text.empty()) {
     Nanos until = std::min(end, runtime::read_monotonic() + (outside_has_more_ ? 0ms : 10ms));
     if (lines_.next_delivery() < Instant::never()) until = std::min(until, clock_.to_monotonic(lines_.next_delivery()));
+    if (gateway_ && gateway_->has_waiting()) until = std::min(until, runtime::read_monotonic() + 1ms);
     wait(until);
     take_newcomer();
     for (std::size_t number = 0; number < parties_.size(); ++number) read_messages(number);
     deliver_serial();
     read_kernel_bus();
+    exchange_with_adapter();
     exchange_with_outside();
     write_rows_until(clock_.now() - kRowDelayPeriods * record_period_);
     if (runtime::stop_requested()) outcome = {RunOutcome::Kind::kInterrupted, "interrupted", {}, 0};
@@ -107,6 +110,7 @@ void WallClockRelay::wait(Nanos until) {
     if (!party.gone) watched_.push_back({party.joined->socket.fd(), POLLIN, 0});
   }
   if (kernel_bus_ != nullptr) watched_.push_back({kernel_bus_->fd(), POLLIN, 0});
+  if (gateway_) watched_.push_back({gateway_->fd(), POLLIN, 0});
   if (outside_ != nullptr) outside_->watch(watched_);
   watched_.push_back({broker_.fd(), POLLIN, 0});
   const Nanos span = std::max(until - runtime::read_monotonic(), 0ns);
@@ -179,6 +183,17 @@ void WallClockRelay::read_kernel_bus() {
   while (const auto received = kernel_bus_->receive()) carry(kOutsideSender, received->at_monotonic, received->frame);
 }
 
+void WallClockRelay::exchange_with_adapter() {
+  if (!gateway_) return;
+  from_adapter_.clear();
+  events_.clear();
+  gateway_->exchange(std::max(clock_.now(), Instant{}), from_adapter_, events_);
+  for (const Event& event : events_) observer_->on_event(kOutsideSender, event);
+  for (const link::ReceivedFrame& received : from_adapter_) {
+    carry(kOutsideSender, received.at_monotonic, received.frame);
+  }
+}
+
 void WallClockRelay::exchange_with_outside() {
   if (outside_ == nullptr) return;
   from_outside_.clear();
@@ -204,7 +219,8 @@ void WallClockRelay::carry(std::size_t sender, Nanos at_monotonic, const can::Ca
   const bool is_joined = sender < parties_.size() && parties_[sender].is_outsider;
   observer_->on_frame({last_frame_at_, frame}, is_joined ? kTapSender : sender);
   if (outside_ != nullptr) outside_->show({last_frame_at_, frame}, sender);
-  if (sender == kOutsideSender) return;  // The kernel has carried it already.
+  if (kernel_bus_ != nullptr && sender == kOutsideSender) return;  // The kernel has carried it already.
+  if (gateway_ && sender != kOutsideSender) gateway_->send(frame);
   runtime::write_frame(writer_, at_monotonic, frame);
   for (std::size_t number = 0; number < parties_.size(); ++number) {
     if (number == sender || parties_[number].gone) continue;

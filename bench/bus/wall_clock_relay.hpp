@@ -1,10 +1,12 @@
 #pragma once
 
 #include <deque>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "bench/bus/broker.hpp"
+#include "bench/bus/gateway.hpp"
 #include "bench/bus/run_media.hpp"
 #include "bench/bus/run_observer.hpp"
 #include "bench/bus/serial_lines.hpp"
@@ -59,6 +61,7 @@ class WallClockRelay {
   [[nodiscard]] static bool take_lateness(Party& party, std::span<const std::uint8_t> message);
   void deliver_serial();
   void read_kernel_bus();
+  void exchange_with_adapter();
   void exchange_with_outside();
   [[nodiscard]] bool all_have_room() const;
   void carry(std::size_t sender, Nanos at_monotonic, const can::CanFrame& frame);
@@ -71,6 +74,8 @@ class WallClockRelay {
   link::CanLink* kernel_bus_;
   Outside* outside_;
   SerialLines lines_;
+  std::optional<Gateway> gateway_;
+  std::vector<link::ReceivedFrame> from_adapter_;
   std::vector<can::CanFrame> from_outside_;
   bool outside_has_sent_ = false;
   bool outside_has_more_ = false;  ///< As many came at once as may.

@@ -66,9 +66,10 @@ CLI::App* add_run_command(CLI::App& app, Words& words) {
                   "lockstep | realtime | realtime:FACTOR  (default: lockstep, realtime on a kernel bus or with real "
                   "parts)");
   run->add_flag("--in-process", words.in_process, "Virtual time without processes: same recording, faster");
-  run->add_option(
-      "--can", words.run.can,
-      "virtual:NAME | can0, vcan0 ...; a kernel bus runs at --pace realtime  (default: a bus of this run alone)");
+  run->add_option("--can", words.run.can,
+                  "virtual:NAME | can0, vcan0 ... | slcan:/dev/ttyACM0@500000; all but the first run at --pace "
+                  "realtime  (default: a "
+                  "bus of this run alone)");
   run->add_option("--controller-can", words.run.controller_can,
                   "Another kernel interface for the controller, on the same wire as the boards' --can");
   run->add_option("--line", words.run.lines,
@@ -118,11 +119,10 @@ void add_replay_command(CLI::App& app, cli::ReplayRequest& request) {
       "Example: meltbench replay meltbench-out --to controller");
 }
 
-/// @throws std::invalid_argument if a serial port is to run in virtual time.
-void settle_lines(cli::RunRequest& run) {
-  if (run.lines.empty() && run.controller_lines.empty()) return;
+/// Takes wall-clock pace, which `what` needs. @throws std::invalid_argument if the user has asked for virtual time.
+void take_real_time(cli::RunRequest& run, std::string_view what) {
   if (run.pace_given && run.pace.is_virtual()) {
-    throw std::invalid_argument{"a serial port has no virtual time: use --pace realtime"};
+    throw std::invalid_argument{fmt::format("{} has no virtual time: use --pace realtime", what)};
   }
   run.pace.kind = cli::Pace::Kind::kRealTime;
 }
@@ -147,23 +147,19 @@ void settle(Words& words, const CLI::App& run) {
     words.run.pace.kind = cli::Pace::Kind::kInProcess;
   }
   const auto kind = words.run.can.empty() ? link::BusUri::Kind::kVirtual : link::parse_bus_uri(words.run.can).kind;
-  if (kind == link::BusUri::Kind::kSlcan || kind == link::BusUri::Kind::kNone) {
-    throw std::invalid_argument{
-        "a run is on an embedded bus or on a kernel interface: slcan: and none are for plant_emulator and controller "
-        "started by hand"};
+  if (kind == link::BusUri::Kind::kNone) {
+    throw std::invalid_argument{"a run has a CAN bus: none is for plant_emulator and controller started by hand"};
   }
   const bool on_kernel = kind == link::BusUri::Kind::kSocketCan;
   if (on_kernel) {
-    if (words.run.pace_given && words.run.pace.is_virtual()) {
-      throw std::invalid_argument{"a kernel bus has no virtual time: use --pace realtime"};
-    }
+    take_real_time(words.run, "a kernel bus");
     if (words.run.tap.is_wanted()) {
       throw std::invalid_argument{
           "a kernel bus is open to every program: --tap and --slcan-pty are for an embedded one"};
     }
-    words.run.pace.kind = cli::Pace::Kind::kRealTime;
   }
-  settle_lines(words.run);
+  if (kind == link::BusUri::Kind::kSlcan) take_real_time(words.run, "a CAN adapter");
+  if (!words.run.lines.empty() || !words.run.controller_lines.empty()) take_real_time(words.run, "a serial port");
   if (!words.run.tap.is_wanted() && run.count("--tap-wait") + run.count("--tap-read-only") > 0) {
     throw std::invalid_argument{"--tap-wait and --tap-read-only say how others come in by --tap or --slcan-pty"};
   }

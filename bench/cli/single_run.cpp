@@ -25,7 +25,7 @@
 #include "controller/machine/controller.hpp"
 #include "plant_emulator/emulator.hpp"
 #include "protocols/config/line_ports.hpp"
-#include "protocols/link/socketcan_link.hpp"
+#include "protocols/link/can_link.hpp"
 #include "protocols/runtime/real_time_process.hpp"
 #include "protocols/runtime/stop_signal.hpp"
 
@@ -287,7 +287,9 @@ class Programs {
            std::optional<int> cpu) {
     const std::string folder = program_folder().string();
     const std::string own_bus = "virtual:" + bus_name;
-    const std::string can = request.can.empty() ? own_bus : request.can;
+    // The bench has opened an adapter itself: nobody else can.
+    const bool on_own_bus = request.can.empty() || link::parse_bus_uri(request.can).kind == link::BusUri::Kind::kSlcan;
+    const std::string can = on_own_bus ? own_bus : request.can;
     const std::string rig = (prepared.folder / "repro.toml").string();
     const auto start = [&](const char* program, const std::string& bus, std::vector<std::string> more) {
       std::vector<std::string> command{fmt::format("{}/{}", folder, program), "--rig", rig, "--can", bus};
@@ -405,10 +407,12 @@ record::Recording run_in_lockstep(PreparedRun& prepared, const RunRequest& reque
 }
 
 record::Recording run_at_wall_clock(PreparedRun& prepared, const RunRequest& request) {
-  std::optional<link::SocketCanLink> kernel_bus;
+  std::unique_ptr<link::CanLink> kernel_bus;
+  std::unique_ptr<link::CanLink> adapter;
   if (!request.can.empty()) {
     const link::BusUri uri = link::parse_bus_uri(request.can);
-    if (uri.kind == link::BusUri::Kind::kSocketCan) kernel_bus.emplace(uri.name);
+    if (uri.kind == link::BusUri::Kind::kSocketCan) kernel_bus = link::open_can_link(uri);
+    if (uri.kind == link::BusUri::Kind::kSlcan) adapter = link::open_can_link(uri);
   }
   RunTap tap{request};
   // The relay is part of the way of a frame. On a kernel bus it only listens, and must not hold up those who speak.
@@ -421,9 +425,9 @@ record::Recording run_at_wall_clock(PreparedRun& prepared, const RunRequest& req
   Progress progress{prepared.run.label(), prepared.run.duration, request.quiet};
   bus::WallClockRelay relay{joined,
                             broker,
-                            kernel_bus ? &*kernel_bus : nullptr,
+                            kernel_bus.get(),
                             prepared.run.record_period,
-                            {.lines = prepared.run.rig.lines, .outside = tap.outside()}};
+                            {.lines = prepared.run.rig.lines, .outside = tap.outside(), .adapter = adapter.get()}};
   std::optional<record::RunRecorder> recorder;
   open_recorder(recorder, prepared, relay.signals());
   Observer observer{*recorder, wire_of(prepared), progress};
