@@ -11,6 +11,7 @@
 #include "bench/cli/doctor_command.hpp"
 #include "bench/cli/list_command.hpp"
 #include "bench/cli/log_commands.hpp"
+#include "bench/cli/record_command.hpp"
 #include "bench/cli/replay_command.hpp"
 #include "bench/cli/report_command.hpp"
 #include "bench/cli/run_command.hpp"
@@ -49,6 +50,7 @@ struct Words {
   std::filesystem::path scenario;
   cli::ReplayRequest replay;
   cli::ShowRequest show;
+  cli::RecordRequest record;
   std::filesystem::path from;
   std::filesystem::path to;
   cli::Examination examination;
@@ -127,6 +129,17 @@ void take_real_time(cli::RunRequest& run, std::string_view what) {
   run.pace.kind = cli::Pace::Kind::kRealTime;
 }
 
+void add_record_command(CLI::App& app, cli::RecordRequest& request) {
+  CLI::App* record = app.add_subcommand("record", "Record a bus as candump text, until Ctrl-C");
+  record->add_option("bus", request.can, "can0, vcan0 ..., or slcan:PORT@BIT_RATE")->required();
+  record->add_option("--out", request.out, "File; it must not be there yet  (default: BUS-DATE_TIME.log)");
+  record->add_option("--rotate-mb", request.rotate_MB, "A new file (NAME.2.log ...) before one has so many megabytes")
+      ->check(CLI::Range(0.01, 1e6));
+  record->add_option("--rotate-min", request.rotate_min, "A new file after so many minutes")
+      ->check(CLI::Range(0.01, 1e6));
+  record->footer("Example: meltbench record can0 --out night.log --rotate-min 60");
+}
+
 void add_show_command(CLI::App& app, cli::ShowRequest& request) {
   CLI::App* show = app.add_subcommand("show", "Tell in words what happened on a recorded bus");
   show->add_option("log", request.log, "A log (candump, ASC, BLF, gzip), or a run's folder")->required();
@@ -192,6 +205,7 @@ ExitStatus dispatch(CLI::App& app, Words& words) {
   if (app.got_subcommand("report")) return cli::make_report(words.folders, words.page);
   if (app.got_subcommand("check")) return cli::check_again(words.folders, words.scenario);
   if (app.got_subcommand("replay")) return cli::replay_log(words.replay);
+  if (app.got_subcommand("record")) return cli::record_log(words.record);
   if (app.got_subcommand("show")) return cli::show_log(words.show);
   if (app.got_subcommand("convert")) return cli::convert_log(words.from, words.to);
   return cli::examine_machine(words.examination);
@@ -223,6 +237,7 @@ int main(int argc, char** argv) {
   CLI::App* doctor = app.add_subcommand("doctor", "Say what this machine offers, and how to get what is missing");
   doctor->add_option("--rig", words.examination.rig, "A rig: compare its bit rate, look for its boards");
   doctor->add_option("--can", words.examination.can, "A kernel interface: listen for two seconds who is there");
+  add_record_command(app, words.record);
   add_show_command(app, words.show);
   try {
     app.parse(argc, argv);
