@@ -70,9 +70,27 @@ BoardSettings read_board(const config::RigBoard& board, const board::PlantRates&
   return settings;
 }
 
+/// A heater is the units of its zones: nobody else may be one of them.
+void check_units(const config::Rig& rig) {
+  constexpr int kZones = 5;
+  for (const config::RigBoard& heater : rig.boards) {
+    if (!heater.is_on_line() || heater.kind != BoardKind::kHeater) continue;
+    for (const config::RigBoard& other : rig.boards) {
+      const int above = other.unit - heater.unit;
+      if (other.line != heater.line || above <= 0 || above >= kZones) continue;
+      other.section.fail("unit", fmt::format("already taken by a zone of board.{}", heater.name),
+                         "the zones of a heater are its unit and the next four");
+    }
+    if (heater.unit > 247 - kZones + 1) {
+      heater.section.fail("unit", "must be at most 243", "the zones of a heater are its unit and the next four");
+    }
+  }
+}
+
 }  // namespace
 
 EmulatorSettings read_settings(const config::Section& root, const config::Rig& rig) {
+  check_units(rig);
   const PlantReading plant = read_plant(root.section_or_empty("plant"));
   if (!rig.has_emulated_board()) {
     root.fail_here("every board of this rig is real: there is nothing to emulate",

@@ -52,8 +52,14 @@ void Controller::make_lines() {
   for (const config::RigLine& line : settings_.lines) {
     const auto number = static_cast<std::uint8_t>(masters_.size());
     masters_.emplace_back(number, timing_of(settings_, line.name), settings_.serial);
-    if (feed_ && settings_.board(config::BoardKind::kFeeder).line == line.name) {
-      masters_.back().add(*feed_->feeder().serial());
+    const auto adopt = [&](config::BoardKind kind, SerialUnit& unit) {
+      if (settings_.board(kind).line != line.name) return;
+      masters_.back().add(unit);
+      units_.push_back(&unit);
+    };
+    if (feed_ && feed_->feeder().serial() != nullptr) adopt(config::BoardKind::kFeeder, *feed_->feeder().serial());
+    if (zones_) {
+      for (const auto& zone : zones_->serial()) adopt(config::BoardKind::kHeater, *zone);
     }
     line_names_.push_back(line.name);
   }
@@ -71,7 +77,7 @@ void Controller::wake(const Wakeup& in, Outbox& out) {
     for (const can::StampedFrame& stamped : in.frames) on_frame(in.now, stamped.frame, out);
     for (const SerialArrival& arrival : in.serial) on_serial(in.now, arrival, out);
   }
-  if (bus_.on_time(in.now, !feed_ || feed_->is_feeder_ready(), out)) begin(in.now, out);
+  if (bus_.on_time(in.now, are_units_configured(), out)) begin(in.now, out);
   handle_troubles(in.now, out);
   run_timeline(in.now, out);
   close_cycle_if_due(in.now, out);
@@ -119,6 +125,10 @@ void Controller::on_link(Instant now, LinkState link, Outbox& out) {
   }
 }
 
+bool Controller::are_units_configured() const {
+  return std::all_of(units_.begin(), units_.end(), [](const SerialUnit* unit) { return unit->is_configured(); });
+}
+
 void Controller::on_lines(Instant now, std::span<const LinkState> lines, Outbox& out) {
   for (std::size_t i = 0; i < line_states_.size(); ++i) {
     const LinkState state = i < lines.size() ? lines[i] : LinkState::kUp;
@@ -155,12 +165,13 @@ void Controller::on_frame(Instant now, const can::CanFrame& frame, Outbox& out) 
 
 void Controller::handle_troubles(Instant now, Outbox& out) {
   while (auto trouble = bus_.take_trouble()) trip(now, trouble->code, std::move(trouble->text), out);
-  if (!feed_) return;
-  while (auto trouble = feed_->feeder().take_trouble()) {
-    if (state_ == ControllerState::kBooting) bus_.give_up();
-    trip(now, trouble->code, std::move(trouble->text), out);
+  for (SerialUnit* unit : units_) {
+    while (auto trouble = unit->take_trouble()) {
+      if (state_ == ControllerState::kBooting) bus_.give_up();
+      trip(now, trouble->code, std::move(trouble->text), out);
+    }
+    if (auto news = unit->take_news()) out.report(Severity::kInfo, now, "device-back", std::move(*news));
   }
-  if (auto news = feed_->feeder().take_news()) out.report(Severity::kInfo, now, "device-back", std::move(*news));
 }
 
 // --- timeline
@@ -284,7 +295,7 @@ void Controller::control(Instant now, Outbox& out) {
   if (sequence_) {
     run_sequence(now, out);
   } else if (state_ == ControllerState::kReady && !are_loops_ready()) {
-    if (zones_) zones_->tell(out);
+    if (zones_) zones_->tell(now, out);
     return;
   }
   if (state_ == ControllerState::kReady && (!sequence_ || sequence_->phase() != SequencePhase::kCold)) {
@@ -300,8 +311,8 @@ void Controller::control(Instant now, Outbox& out) {
   if (is_controlling()) control_melt(now, out);
   if (!is_controlling()) return;
   if (zones_) {
-    zones_->tell(out);
-    zones_->tuning().update(now, bus_.boot(config::BoardKind::kHeater), out);
+    zones_->tell(now, out);
+    if (zones_->serial().empty()) zones_->tuning().update(now, bus_.boot(config::BoardKind::kHeater), out);
   }
   screw_.drive(out);
   reaction_s_ = to_s(now - sync_at_);
@@ -373,7 +384,7 @@ void Controller::control_melt(Instant now, Outbox& out) {
 void Controller::repeat_safe(Instant now, Outbox& out) {
   if (feed_) feed_->go_safe(now, out);
   if (melt_) melt_->rest(out);
-  if (zones_) zones_->tell(out);
+  if (zones_) zones_->tell(now, out);
 }
 
 std::string Controller::describe_safe() const {

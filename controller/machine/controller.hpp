@@ -41,7 +41,7 @@ enum class ControllerState : std::uint8_t { kOff, kBooting, kReady, kRunning, kS
 /// answered, or half the period is over, the laws are asked and their answers sent at once. A lost answer is no doubt:
 /// the laws go on from what is known, by its time stamp. Only what stays away longer than the limits trips.
 ///
-/// Whatever trips is reported once as a fault with a stable code: those of BusManager, those of SerialFeeder,
+/// Whatever trips is reported once as a fault with a stable code: those of BusManager, those of SerialUnit,
 /// link-down, line-down, law-refused, zone-stale, sequence-overdue, and those of safety::code_of(). Real time: a cycle
 /// allocates nothing but for events.
 class Controller final : public Participant {
@@ -63,6 +63,7 @@ class Controller final : public Participant {
   void on_serial(Instant now, const SerialArrival& arrival, Outbox& out);
   void run_lines(Instant now, Outbox& out);
   void make_lines();
+  [[nodiscard]] bool are_units_configured() const;
   void on_frame(Instant now, const can::CanFrame& frame, Outbox& out);
   void handle_troubles(Instant now, Outbox& out);
   void begin(Instant now, Outbox& out);
@@ -103,6 +104,7 @@ class Controller final : public Participant {
   ScrewControl screw_;
   BusManager bus_;  // After feed_: the plan of its boots needs the safe flow.
   std::vector<std::string> line_names_;
+  std::vector<SerialUnit*> units_;      // On all lines.
   std::vector<SerialMaster> masters_;   // In the order of line_names_,
   std::vector<LinkState> line_states_;  // so are these.
 

@@ -23,8 +23,6 @@ class FeedControl {
   /// @throws std::invalid_argument if the law cannot be made from the settings.
   explicit FeedControl(const ControllerSettings& settings);
 
-  /// A feeder that is not on CAN is configured, too.
-  [[nodiscard]] bool is_feeder_ready() const { return feeder_->is_ready(); }
   /// All boards are configured: takes over what they said about themselves.
   void connect(const BusManager& bus);
   [[nodiscard]] FeederWire& feeder() { return *feeder_; }

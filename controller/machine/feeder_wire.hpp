@@ -2,17 +2,15 @@
 /// The feeder as the loop of the filled length sees it, whatever wire it hangs on.
 
 #include <optional>
-#include <string>
 #include <utility>
 
 #include "controller/machine/bus_manager.hpp"
 #include "controller/machine/feed_tracker.hpp"
-#include "controller/machine/trouble.hpp"
 #include "protocols/participant/participant.hpp"
 
 namespace meltbench::machine {
 
-class SerialDevice;
+class SerialUnit;
 
 /// What a feeder says about itself, with the wire's own time in it.
 struct FeederFacts {
@@ -30,9 +28,7 @@ class FeederWire {
 
   virtual ~FeederWire() = default;
 
-  /// It is configured, and facts() can be asked.
-  [[nodiscard]] virtual bool is_ready() const = 0;
-  /// @param bus  that has booted a feeder on CAN.
+  /// @pre it is configured.  @param bus  that has booted a feeder on CAN.
   [[nodiscard]] virtual FeederFacts facts(const BusManager& bus) const = 0;
   /// A report belongs to every SYNC; else they come at the wire's own pace.
   [[nodiscard]] virtual bool reports_at_sync() const = 0;
@@ -40,7 +36,7 @@ class FeederWire {
   /// @returns true if the frame was for it.
   virtual bool take(const can::CanFrame& /*frame*/, Instant /*sync_at*/) { return false; }
   /// It answers requests on a line, if it is such a one.
-  [[nodiscard]] virtual SerialDevice* serial() { return nullptr; }
+  [[nodiscard]] virtual SerialUnit* serial() { return nullptr; }
 
   /// Delivers this as soon as the wire lets it. What is the newest then wins.
   virtual void command(Instant now, double flow_kg_per_s, Outbox& out) = 0;
@@ -54,9 +50,6 @@ class FeederWire {
   [[nodiscard]] bool has_sample() const { return sample_.has_value(); }
   /// The command that has left since the last call.
   [[nodiscard]] std::optional<Sent> take_sent() { return std::exchange(sent_, std::nullopt); }
-  [[nodiscard]] virtual std::optional<Trouble> take_trouble() { return {}; }
-  /// It is back after a trouble, told once.
-  [[nodiscard]] virtual std::optional<std::string> take_news() { return {}; }
 
  protected:
   std::optional<FeedSample> sample_;
@@ -67,7 +60,6 @@ class FeederWire {
 class CanFeeder final : public FeederWire {
  public:
   explicit CanFeeder(std::uint8_t node_id) : node_id_{node_id} {}
-  [[nodiscard]] bool is_ready() const override { return true; }
   [[nodiscard]] FeederFacts facts(const BusManager& bus) const override;
   [[nodiscard]] bool reports_at_sync() const override { return true; }
   bool take(const can::CanFrame& frame, Instant sync_at) override;

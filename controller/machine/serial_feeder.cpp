@@ -1,7 +1,5 @@
 #include "controller/machine/serial_feeder.hpp"
 
-#include <fmt/format.h>
-
 #include <array>
 #include <cmath>
 
@@ -11,12 +9,10 @@ namespace {
 
 using namespace feeder_register;
 using modbus::Function;
-using Outcome = modbus::ClientResult::Outcome;
 
 constexpr double kSecondsPerHour = 3600.0;
 constexpr std::uint16_t kReportWords = 4;
 constexpr std::uint16_t kTimesWords = 4;
-constexpr std::uint8_t kBasicIdentification = 1, kProductCodeObject = 1;
 constexpr std::uint16_t kOldest = 0xFFFF;                              // Of an age: so old or older.
 constexpr std::size_t kPollRequestBytes = modbus::frame_size(10 + 4);  // Function 23 with one 32-bit value.
 
@@ -27,17 +23,13 @@ modbus::WordPair flow_words(double flow_kg_per_s, modbus::WordOrder order) {
 }  // namespace
 
 SerialFeeder::SerialFeeder(const ControllerSettings& settings, double safe_flow_kg_per_s)
-    : timing_{timing_of(settings, settings.board(config::BoardKind::kFeeder).line)},
-      boot_timeout_{settings.boot_timeout},
+    : SerialUnit{settings, settings.board(config::BoardKind::kFeeder), settings.board(config::BoardKind::kFeeder).name,
+                 settings.board(config::BoardKind::kFeeder).unit, kProductCode},
       watchdog_ms_{settings.feeder_watchdog_ms},
-      safe_flow_kg_per_s_{safe_flow_kg_per_s} {
-  const BoardSettings& board = settings.board(config::BoardKind::kFeeder);
-  unit_ = board.unit;
-  label_ = fmt::format("{} (unit {} on {})", board.name, board.unit, board.line);
-}
+      safe_flow_kg_per_s_{safe_flow_kg_per_s} {}
 
 FeederFacts SerialFeeder::facts(const BusManager& /*bus*/) const {
-  return {.latency = facts_.latency + timing_.on_wire(kPollRequestBytes), .cycle = facts_.cycle};
+  return {.latency = facts_.latency + timing().on_wire(kPollRequestBytes), .cycle = facts_.cycle};
 }
 
 // --- what is asked of it
@@ -53,7 +45,7 @@ void SerialFeeder::set_safe_flow(Instant /*now*/, double flow_kg_per_s, BusManag
 }
 
 void SerialFeeder::end_cycle(Instant now) {
-  if (step_ == Step::kPoll && due_at_ == Instant::never()) due_at_ = now;
+  if (is_known() && step_ == Step::kPoll && !is_asked()) ask_at(now);
 }
 
 modbus::Pdu SerialFeeder::make_safe_flow() const {
@@ -62,12 +54,8 @@ modbus::Pdu SerialFeeder::make_safe_flow() const {
   return modbus::make_write_registers(kLossOfMaster, std::array{flow[0], flow[1], *watchdog_ms_});
 }
 
-modbus::Pdu SerialFeeder::make_request(Instant now) {
-  due_at_ = Instant::never();
-  if (!boot_until_) boot_until_ = now + boot_timeout_;
+modbus::Pdu SerialFeeder::make_own_request(Instant now) {
   switch (step_) {
-    case Step::kIdentify:
-      return modbus::make_read_identification(kBasicIdentification, 0);
     case Step::kWordOrder:
       return modbus::make_read(Function::kReadHoldingRegisters, kWordOrder, 1);
     case Step::kSafeFlow:
@@ -85,45 +73,20 @@ modbus::Pdu SerialFeeder::make_request(Instant now) {
 
 // --- what it answers
 
-void SerialFeeder::on_result(Instant now, const modbus::ClientResult& result) {
-  if (result.outcome == Outcome::kTimeout) return on_silence(now, result.attempts);
-  if (lost_) {
-    lost_ = false;
-    news_ = fmt::format("{} answers again", label_);
-    if (step_ == Step::kPoll) return advance_to(Step::kIdentify, now);
-  }
-  if (result.outcome == Outcome::kException) {
-    complain(was_ready_ ? "device-refused" : "configuration-failed",
-             fmt::format("{} refuses a request: {}; is it the device that the rig says?", label_,
-                         modbus::text(result.exception)));
-    due_at_ = was_ready_ ? Instant::never() : now + boot_timeout_;
-    return;
-  }
-  on_answer(now, result);
-}
-
 void SerialFeeder::on_answer(Instant now, const modbus::ClientResult& result) {
   std::array<std::uint16_t, kTimesWords> words{};
   switch (step_) {
-    case Step::kIdentify: {
-      const std::string_view product = modbus::find_identification(result.answer, kProductCodeObject);
-      if (product != kProductCode) {
-        return complain("identity-mismatch",
-                        fmt::format("{} says that it is \"{}\", expected \"{}\"", label_, product, kProductCode));
-      }
-      return advance_to(Step::kWordOrder, now);
-    }
     case Step::kWordOrder:
       static_cast<void>(modbus::read_registers(result.answer, std::span{words}.first(1)));
       word_order_ = words[0] == 0 ? modbus::WordOrder::kHighFirst : modbus::WordOrder::kLowFirst;
       return advance_to(Step::kSafeFlow, now);
     case Step::kSafeFlow:
-      return advance_to(was_ready_ ? Step::kPoll : Step::kTimes, now);
+      return advance_to(is_configured() ? Step::kPoll : Step::kTimes, now);
     case Step::kTimes:
       static_cast<void>(modbus::read_registers(result.answer, words));
       facts_ = {.latency = modbus::to_u32(words, word_order_) * 1us,
                 .cycle = modbus::to_u32(std::span{words}.subspan(2), word_order_) * 1us};
-      was_ready_ = true;
+      mark_configured();
       return advance_to(Step::kPoll, now);
     case Step::kPoll:
       take_report(result);
@@ -142,38 +105,9 @@ void SerialFeeder::take_report(const modbus::ClientResult& result) {
              static_cast<std::uint8_t>(words[3])};
 }
 
-void SerialFeeder::on_silence(Instant now, unsigned attempts) {
-  due_at_ = now;
-  if (!was_ready_) {
-    if (now < *boot_until_) return;
-    due_at_ = Instant::never();
-    return complain("boot-timeout", fmt::format("{} has not answered for {:.3g} s; power, wiring, unit and baud rate?",
-                                                label_, to_s(boot_timeout_)));
-  }
-  if (lost_) return;
-  lost_ = true;
-  complain("device-lost",
-           fmt::format("{}: no answer to {} requests; has it lost power or its cable?", label_, attempts));
-}
-
 void SerialFeeder::advance_to(Step step, Instant now) {
   step_ = step;
-  due_at_ = now;
-}
-
-void SerialFeeder::complain(std::string_view code, std::string text) {
-  troubles_.push_back({code, std::move(text)});
-}
-
-std::optional<Trouble> SerialFeeder::take_trouble() {
-  if (troubles_.empty()) return {};
-  Trouble trouble = std::move(troubles_.front());
-  troubles_.erase(troubles_.begin());
-  return trouble;
-}
-
-std::optional<std::string> SerialFeeder::take_news() {
-  return std::exchange(news_, std::nullopt);
+  ask_at(now);
 }
 
 }  // namespace meltbench::machine

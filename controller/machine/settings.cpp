@@ -134,9 +134,9 @@ std::vector<BoardSettings> read_boards(const config::Rig& rig) {
                            "the controller manages one of each kind");
       }
     }
-    if (board.is_on_line() && board.kind != config::BoardKind::kFeeder) {
+    if (board.is_on_line() && board.kind != config::BoardKind::kFeeder && board.kind != config::BoardKind::kHeater) {
       board.section.fail("line", fmt::format("the controller knows no {} on a serial line", name_of(board.kind)),
-                         "give it node_id and eds instead; a feeder can be on a line");
+                         "give it node_id and eds instead; feeder and heater can be on a line");
     }
     boards.push_back({.kind = board.kind,
                       .name = board.name,
@@ -437,6 +437,7 @@ Order read_order(const config::TimelineEvent& event, const ControllerSettings& s
     order.value = section.number("value", config::between(0, settings.zones->limits.max_degC));
   } else if (event.action == "autotune") {
     must_have(settings.zones.has_value(), "heated zones");
+    must_have(!settings.board(config::BoardKind::kHeater).is_on_line(), "a heater on CAN");
     order.kind = Order::Kind::kAutotune;
     order.index = read_zone(section, *settings.zones);
   } else if (event.action == "material") {

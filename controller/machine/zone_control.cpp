@@ -24,6 +24,9 @@ ZoneControl::ZoneControl(const ControllerSettings& settings)
       syncs_per_report_{calc_syncs_per_zone_report(settings.sync_period)} {
   for (const ZoneSettings::Zone& zone : settings_.zones) {
     zones_.push_back({.set = zone, .watch = safety::ZoneWatch{settings_.limits}, .report = {}, .reported_at = {}});
+    if (settings.board(config::BoardKind::kHeater).is_on_line()) {
+      serial_.push_back(std::make_unique<SerialZone>(settings, zone.channel));
+    }
   }
 }
 
@@ -73,12 +76,23 @@ std::string ZoneControl::name_of(const Zone& zone) {
   return zone.set.channel == kNozzleChannel ? "nozzle" : fmt::format("zone {}", zone.set.channel);
 }
 
+void ZoneControl::take_serial_reports() {
+  for (std::size_t i = 0; i < serial_.size(); ++i) {
+    const auto report = serial_[i]->take_report();
+    if (!report) continue;
+    zones_[i].report = report->zone;
+    zones_[i].fresh = zones_[i].seen = true;
+    zones_[i].reported_at = report->at;
+  }
+}
+
 std::optional<Trouble> ZoneControl::judge(Instant now, Instant ready_at) {
+  take_serial_reports();
   for (Zone& zone : zones_) {
     const Nanos age = now - std::max(zone.reported_at, ready_at);
     if (age > settings_.timeout) {
       return Trouble{"zone-stale",
-                     fmt::format("{}: no report for {:.3g} s, limit {:.3g} s; are the heater's PDOs lost?",
+                     fmt::format("{}: no report for {:.3g} s, limit {:.3g} s; are the heater's reports lost?",
                                  name_of(zone), to_s(age), to_s(settings_.timeout))};
     }
     if (!zone.fresh) continue;
@@ -93,7 +107,9 @@ std::optional<Trouble> ZoneControl::judge(Instant now, Instant ready_at) {
   return {};
 }
 
-void ZoneControl::tell(Outbox& out) {
+void ZoneControl::tell(Instant now, Outbox& out) {
+  for (std::size_t i = 0; i < serial_.size(); ++i) serial_[i]->want(now, zones_[i].set.set_degC, released_);
+  if (!serial_.empty()) return;
   if (released_ == told_released_ && syncs_until_told_ > 0) {
     --syncs_until_told_;
     return;

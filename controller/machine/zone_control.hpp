@@ -3,9 +3,12 @@
 
 #include <array>
 #include <cstddef>
+#include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
+#include "controller/machine/serial_zone.hpp"
 #include "controller/machine/settings.hpp"
 #include "controller/machine/trouble.hpp"
 #include "controller/machine/zone_settings.hpp"
@@ -22,6 +25,9 @@ class ZoneControl {
   /// @pre settings.zones.
   explicit ZoneControl(const ControllerSettings& settings);
 
+  /// The zones' own units, if the heater is on a serial line; else none.
+  [[nodiscard]] std::span<const std::unique_ptr<SerialZone>> serial() const { return serial_; }
+
   /// @returns true if the frame was for it.
   bool take(const can::CanFrame& frame, Instant now);
   /// Why the heaters must go off. Ages count from `ready_at` on.
@@ -30,7 +36,7 @@ class ZoneControl {
   void release(bool on) { released_ = on; }
   [[nodiscard]] bool is_released() const { return released_; }
   /// Set points and release, every kZoneReportPeriod; at once if the release has changed.
-  void tell(Outbox& out);
+  void tell(Instant now, Outbox& out);
 
   [[nodiscard]] ZoneTuning& tuning() { return tuning_; }
 
@@ -60,6 +66,7 @@ class ZoneControl {
     Instant reported_at;
   };
   void take_temperature(std::size_t channel, const can::CanFrame& frame, bool second, Instant now);
+  void take_serial_reports();
   void take_output(std::size_t channel, const can::CanFrame& frame, std::size_t byte);
   [[nodiscard]] Zone* find(std::size_t channel);
   [[nodiscard]] static std::string name_of(const Zone& zone);
@@ -68,6 +75,7 @@ class ZoneControl {
   std::uint8_t node_id_;
   unsigned syncs_per_report_;
   std::vector<Zone> zones_;
+  std::vector<std::unique_ptr<SerialZone>> serial_;  // In the order of zones_, or none.
   ZoneTuning tuning_;
   bool released_ = false;
   bool told_released_ = false;

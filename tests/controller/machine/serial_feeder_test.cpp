@@ -155,7 +155,7 @@ struct Line {
 TEST_CASE("Serial feeder: is asked who it is and told its safe flow and watchdog before it is polled", "[machine]") {
   Line line;
   line.run_to(Instant{100ms});
-  CHECK(line.feeder.is_ready());
+  CHECK(line.feeder.is_configured());
   CHECK(line.device.number(feeder_register::kLossOfMaster) == Approx(3.0F));
   CHECK(line.device.word(feeder_register::kWatchdog) == 300);
   CHECK(line.device.set_points.empty());
@@ -226,7 +226,7 @@ TEST_CASE("Serial feeder: another device is not configured", "[machine]") {
   Line line;
   line.device.product = "SCALE-9";
   line.run_to(Instant{10s});
-  CHECK_FALSE(line.feeder.is_ready());
+  CHECK_FALSE(line.feeder.is_configured());
   CHECK(line.troubles == std::vector<std::string>{"identity-mismatch"});
 }
 
