@@ -26,6 +26,7 @@
 #include "plant_emulator/emulator.hpp"
 #include "protocols/config/line_ports.hpp"
 #include "protocols/link/can_link.hpp"
+#include "protocols/runtime/real_time_driver.hpp"
 #include "protocols/runtime/real_time_process.hpp"
 #include "protocols/runtime/stop_signal.hpp"
 
@@ -523,6 +524,9 @@ PreparedRun prepare(scenario::ResolvedRun run, std::filesystem::path folder, con
   if (rig.has_real_board() || rig.controller_is_external || std::ranges::any_of(asked_for, is_of_wire)) {
     prepared.wire.emplace(rig.boards, asked_for);
     append(signals, prepared.wire->signals());
+  }
+  if (!pace.is_virtual()) {
+    for (const std::string& name : prepared.info.participants) append(signals, runtime::real_time_signals(name));
   }
   record::RunInfo known = prepared.info;
   if (!prepared.controller) known.unseen.emplace_back(kController);  // Its signals are known when it has joined.

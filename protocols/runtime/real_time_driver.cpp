@@ -44,7 +44,8 @@ std::vector<SignalInfo> real_time_signals(std::string_view participant_name) {
   const std::string name{participant_name};
   return {{name + ".deadline_misses", SignalKind::kErrorCounter},
           {name + ".frames_lost", SignalKind::kErrorCounter},
-          {name + ".worst_lateness_s", SignalKind::kValue}};
+          {name + ".worst_lateness_s", SignalKind::kValue},
+          {name + ".queue_full", SignalKind::kValue}};
 }
 
 RealTimeDriver::RealTimeDriver(Participant& participant, link::CanLink& can, BenchClient* bench,
@@ -207,10 +208,11 @@ void RealTimeDriver::report() {
     return;
   }
   participant_.read_signals(std::span{signals_}.first(participant_.signals().size()));
-  const auto own = std::span{signals_}.last(3);
+  const auto own = std::span{signals_}.last(4);
   own[0] = static_cast<double>(deadline_misses_);
   own[1] = static_cast<double>(frames_lost_ + can_.counters().dropped + can_.counters().refused);
   own[2] = to_s(lateness_.max());
+  own[3] = static_cast<double>(can_.counters().full);
   bench_->report(Instant{periods * record_period_}, events_, signals_);
   events_.clear();
   if (now_ < next_timing_) return;

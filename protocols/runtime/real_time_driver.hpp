@@ -15,7 +15,8 @@
 namespace meltbench::runtime {
 
 /// Signals that the real-time driver reports behind those of its participant: "<name>.deadline_misses" and so on.
-/// A deadline is missed when the wake-up comes more than one record period late.
+/// A deadline is missed when the wake-up comes more than one record period late; queue_full counts the sends that a full
+/// transmit queue refused, and that were tried again.
 [[nodiscard]] std::vector<SignalInfo> real_time_signals(std::string_view participant_name);
 
 /// Frames that wait for room in the transmit queue, oldest first. Holds a fixed number, and never allocates.

@@ -161,8 +161,8 @@ def judge_suite(tally, out, guest, step):
             continue  # A shorter suite.
         folder = runs / label
         name = f"{guest} {step} {label}"
-        judge_run(tally, name, file.parent, folder, guest == "counted")
-        if guest == "counted" and label.name == "trajectory" and (folder / "bus.log").is_file():
+        judge_run(tally, name, file.parent, folder, guest != "plain")
+        if guest != "plain" and label.name == "trajectory" and (folder / "bus.log").is_file():
             judge_timing(tally, name, folder)
             if step == "suite_vcan":  # Frames cross at once there, as on the embedded bus.
                 judge_trajectory(tally, name, file.parent, folder)
@@ -191,7 +191,7 @@ def judge_guest(tally, out, guest):
 def main():
     out = pathlib.Path(sys.argv[1])
     tally = Tally()
-    for guest in ("counted", "plain"):
+    for guest in ("counted", "cards", "plain"):
         if (out / guest).is_dir():
             judge_guest(tally, out, guest)
     tally.write(out)

@@ -62,11 +62,11 @@ class DrivenMetronome {
     return lateness;
   }
 
-  /// The next report: sent, received, deadline misses, frames lost, worst lateness.
-  [[nodiscard]] std::array<double, 5> receive_report(std::vector<Event>& events) {
+  /// The next report: sent, received, deadline misses, frames lost, worst lateness, sends refused by a full queue.
+  [[nodiscard]] std::array<double, 6> receive_report(std::vector<Event>& events) {
     std::span<const std::uint8_t> message;
     REQUIRE(bench_->receive(message) == link::ReceiveStatus::kMessage);
-    std::array<double, 5> values{};
+    std::array<double, 6> values{};
     REQUIRE(read_report(message, events, values).has_value());
     return values;
   }
@@ -113,7 +113,7 @@ TEST_CASE("Real-time driver: the participant is woken for each report, so that i
   link::BenchSocket reader{std::move(bench[1])};
   std::span<const std::uint8_t> message;
   std::vector<Event> events;
-  std::array<double, 4> values{};
+  std::array<double, 5> values{};
   for (int reports = 1; reports <= 5; ++reports) {
     REQUIRE(reader.receive(message) == link::ReceiveStatus::kMessage);
     REQUIRE(read_report(message, events, values).has_value());
@@ -165,7 +165,7 @@ TEST_CASE("Real-time driver: bytes go out over a serial port, arrive, and the pa
   }};
   std::vector<Event> all_events;
   const auto read_report_until = [&](auto wanted) {
-    std::array<double, 6> values{};  // Sent, received, downs, and those of the driver.
+    std::array<double, 7> values{};  // Sent, received, downs, and those of the driver.
     std::vector<Event> events;
     std::span<const std::uint8_t> message;
     while (!wanted(values)) {
