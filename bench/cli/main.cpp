@@ -9,6 +9,7 @@
 #include <system_error>
 
 #include "bench/cli/doctor_command.hpp"
+#include "bench/cli/extract_command.hpp"
 #include "bench/cli/list_command.hpp"
 #include "bench/cli/log_commands.hpp"
 #include "bench/cli/record_command.hpp"
@@ -50,6 +51,7 @@ struct Words {
   std::filesystem::path scenario;
   cli::ReplayRequest replay;
   cli::ShowRequest show;
+  cli::ExtractRequest extract;
   cli::RecordRequest record;
   std::filesystem::path from;
   std::filesystem::path to;
@@ -129,6 +131,17 @@ void take_real_time(cli::RunRequest& run, std::string_view what) {
   run.pace.kind = cli::Pace::Kind::kRealTime;
 }
 
+void add_extract_command(CLI::App& app, cli::ExtractRequest& request) {
+  CLI::App* extract = app.add_subcommand("extract", "Make a scenario of what went wrong on a recorded bus");
+  extract->add_option("log", request.log, "A log (candump, ASC, BLF, gzip), or a run's folder")->required();
+  extract->add_option("--scenario", request.scenario, "Rig and settings  (default: repro.toml beside the log)");
+  extract->add_option("--channel", request.channel, "Channel of the log  (default: that of the first frame)");
+  extract->add_option("-o,--out", request.out, "The scenario to write")->required();
+  extract->footer(
+      "Example: meltbench extract night.log --scenario fixtures/scenarios/coupled_start_up.toml -o night.toml\n"
+      "         meltbench run night.toml");
+}
+
 void add_record_command(CLI::App& app, cli::RecordRequest& request) {
   CLI::App* record = app.add_subcommand("record", "Record a bus as candump text, until Ctrl-C");
   record->add_option("bus", request.can, "can0, vcan0 ..., or slcan:PORT@BIT_RATE")->required();
@@ -206,6 +219,7 @@ ExitStatus dispatch(CLI::App& app, Words& words) {
   if (app.got_subcommand("check")) return cli::check_again(words.folders, words.scenario);
   if (app.got_subcommand("replay")) return cli::replay_log(words.replay);
   if (app.got_subcommand("record")) return cli::record_log(words.record);
+  if (app.got_subcommand("extract")) return cli::extract_scenario(words.extract);
   if (app.got_subcommand("show")) return cli::show_log(words.show);
   if (app.got_subcommand("convert")) return cli::convert_log(words.from, words.to);
   return cli::examine_machine(words.examination);
@@ -239,6 +253,7 @@ int main(int argc, char** argv) {
   doctor->add_option("--can", words.examination.can, "A kernel interface: listen for two seconds who is there");
   add_record_command(app, words.record);
   add_show_command(app, words.show);
+  add_extract_command(app, words.extract);
   try {
     app.parse(argc, argv);
     return static_cast<int>(dispatch(app, words));
