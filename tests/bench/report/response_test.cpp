@@ -13,7 +13,7 @@ namespace {
 /// Answers to SYNC after 1 ms but once after 7 ms, and a controller that was woken late by 50 us.
 record::Recording make_recording() {
   record::Recording recording;
-  recording.info.scenario = "s";
+  recording.info.scenario = std::string{"s"};  // g++ 12 warns of the shorter form.
   for (int i = 0; i < 100; ++i) {
     recording.frames.push_back(Instant{i * 10ms}, can::make_frame(0x080, {}), 0);
     recording.frames.push_back(Instant{i * 10ms + (i == 40 ? 7ms : 1ms)}, can::make_frame(0x205, {}), 0);
