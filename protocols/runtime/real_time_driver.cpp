@@ -1,14 +1,11 @@
 #include "protocols/runtime/real_time_driver.hpp"
 
-#include <fmt/format.h>
 #include <poll.h>
 #include <spdlog/spdlog.h>
-#include <sys/timerfd.h>
+#include <sys/prctl.h>
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
-#include <cstring>
 #include <utility>
 
 #include "protocols/runtime/stop_signal.hpp"
@@ -56,11 +53,7 @@ RealTimeDriver::RealTimeDriver(Participant& participant, link::CanLink& can, Ben
       serial_{std::move(serial)},
       clock_{timing.start_monotonic, timing.speed},
       record_period_{timing.record_period},
-      timer_{::timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK)},
       signals_(participant.signals().size() + real_time_signals(participant.name()).size()) {
-  if (!timer_) {
-    throw link::LinkError{fmt::format("the kernel gives no timer: {}", std::strerror(errno)), "see \"ulimit -n\""};
-  }
   arrived_.reserve(kUsualBurst);
   out_.frame_queue().reserve(kUsualBurst);
   events_.reserve(64);
@@ -72,6 +65,7 @@ bool RealTimeDriver::finished() const {
 }
 
 DriverEnd RealTimeDriver::run() {
+  ::prctl(PR_SET_TIMERSLACK, 1);  // Else the kernel may be 50 us late on purpose, to wake several threads at once.
   while (!finished()) {
     wait_for_work();
     const Instant deadline = out_.deadline();
@@ -100,13 +94,6 @@ void RealTimeDriver::note_lateness(Instant deadline) {
   if (lateness > record_period_) ++deadline_misses_;
 }
 
-void RealTimeDriver::set_timer(Nanos until) {
-  if (until == timer_at_) return;
-  timer_at_ = until;
-  const itimerspec setting{{}, to_timespec(until)};
-  ::timerfd_settime(timer_.get(), TFD_TIMER_ABSTIME, &setting, nullptr);
-}
-
 void RealTimeDriver::wait_for_work() {
   const Nanos now = read_monotonic();
   Nanos until = now + 1s;
@@ -117,16 +104,18 @@ void RealTimeDriver::wait_for_work() {
   until = std::min(until, serial_.next_look());
   if (until <= now) return;
 
-  set_timer(until);
-  std::array<pollfd, 3 + kMaxLines> watched{{{timer_.get(), POLLIN, 0}}};
-  nfds_t count = 1;
+  std::array<pollfd, 2 + kMaxLines> watched{};
+  nfds_t count = 0;
   if (out_.wake_on() == WakeOn::kArrivalOrDeadline) {
     if (link_up_) watched[count++] = {can_.fd(), POLLIN, 0};
     count += serial_.watch(std::span{watched}.subspan(count, kMaxLines));
   }
   if (bench_ != nullptr && bench_->fd() != can_.fd()) watched[count++] = {bench_->fd(), POLLIN, 0};
-  // A signal between the look for it and this sleep is noticed at the timer, at most a second later.
-  ::ppoll(watched.data(), count, nullptr, nullptr);
+  // No timer at the absolute time: the kernel wakes a sleeper sooner than the reader of a timer (p99 on the development
+  // machine 58 us against 98), and the span begins with the clock read above. A stop signal that comes before the sleep
+  // is noticed at its end, within a second.
+  const timespec span = to_timespec(until - now);
+  ::ppoll(watched.data(), count, &span, nullptr);
 }
 
 void RealTimeDriver::note_link(bool up) {

@@ -4,7 +4,6 @@
 #include <vector>
 
 #include "protocols/link/can_link.hpp"
-#include "protocols/link/unique_fd.hpp"
 #include "protocols/participant/participant.hpp"
 #include "protocols/runtime/bench_client.hpp"
 #include "protocols/runtime/lockstep_driver.hpp"
@@ -46,9 +45,9 @@ class FrameQueue {
 
 /// Real-time driver: CLOCK_MONOTONIC, absolute deadlines, one thread.
 ///
-/// It sleeps in one poll on the link, the bench, and a timer that the kernel sets off at the deadline itself, so that
-/// nothing that happens before the sleep begins makes the wake-up later. How late each wake-up at a deadline was is
-/// counted. In the steady state the loop allocates nothing but for events.
+/// Deadlines are instants, and each sleep is counted from now to the next of them, so lateness never adds up. It sleeps
+/// in one poll on link, lines and bench, without timer slack, and counts how late each wake-up at a deadline was. In the
+/// steady state the loop allocates nothing but for events.
 ///
 /// The participant is woken at its deadline, or when a frame or bytes arrive. A frame that the full transmit queue
 /// refuses waits here, in order, and is tried again every 200 us of wall-clock time; a link that is down is looked for
@@ -58,7 +57,6 @@ class RealTimeDriver {
   /// @param bench  where to report to and who says stop; null: none; events and at last the lateness go to the log, and
   /// the run ends by signal.
   /// @param serial  of all its lines().
-  /// @throws link::LinkError if the kernel gives no timer.
   RealTimeDriver(Participant& participant, link::CanLink& can, BenchClient* bench, const link::Welcome& timing,
                  SerialPorts serial = {});
 
@@ -69,7 +67,6 @@ class RealTimeDriver {
 
  private:
   void wait_for_work();
-  void set_timer(Nanos until);
   void note_lateness(Instant deadline);
   void collect_arrivals();
   [[nodiscard]] bool has_arrivals() { return !arrived_.empty() || !serial_.inbox().empty(); }
@@ -90,8 +87,6 @@ class RealTimeDriver {
   Instant next_record_{};
   Instant next_timing_{1s};  ///< When the lateness is reported next.
 
-  link::UniqueFd timer_;
-  Nanos timer_at_{};  ///< What it is set to.
   Instant now_{};
   Outbox out_;
   bool link_up_ = true;

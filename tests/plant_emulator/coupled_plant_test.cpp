@@ -7,8 +7,10 @@
 #include "plant_emulator/emulator.hpp"
 #include "protocols/canopen/types.hpp"
 #include "protocols/config/toml.hpp"
+#include "tests/plant_emulator/read_emulator.hpp"
 
 using namespace meltbench;
+using namespace emulator::testing;
 
 namespace {
 
@@ -25,24 +27,6 @@ std::string read_rig(const std::string& more = {}) {
             "/boards/" + name + ".eds'\n";
   }
   return text;
-}
-
-emulator::EmulatorSettings read(const std::string& text) {
-  const config::Section root{std::make_shared<config::Table>(config::parse_toml(text, "rig.toml"))};
-  const config::Rig rig = config::read_rig(root);
-  emulator::EmulatorSettings settings = emulator::read_settings(root, rig);
-  root.ignore({"controller"});
-  root.finish();
-  return settings;
-}
-
-std::string complaint(const std::string& text) {
-  try {
-    static_cast<void>(read(text));
-  } catch (const config::ConfigError& error) {
-    return std::string{error.what()} + "\n" + error.hint();
-  }
-  return "none";
 }
 
 /// A master of raw frames: SYNC every 10 ms, and set points after it.
@@ -83,14 +67,7 @@ class Machine {
     write(kScrew, 0x6042, 0, 0x2B, rpm);
     for (const std::uint32_t word : {0x06U, 0x07U, 0x0FU}) write(kScrew, 0x6040, 0, 0x2B, word);
   }
-  [[nodiscard]] double signal(std::string_view name) const {
-    std::vector<double> values(emulator.signals().size());
-    emulator.read_signals(values);
-    for (std::size_t i = 0; i < values.size(); ++i) {
-      if (emulator.signals()[i].name == name) return values[i];
-    }
-    throw std::out_of_range(std::string{name});
-  }
+  [[nodiscard]] double signal(std::string_view name) const { return read_signal(emulator, name); }
   [[nodiscard]] bool happened(std::string_view code) const {
     return std::any_of(events.begin(), events.end(), [&](const Event& event) { return event.code == code; });
   }

@@ -11,9 +11,11 @@
 #include "protocols/canopen/manager.hpp"
 #include "protocols/canopen/types.hpp"
 #include "protocols/config/toml.hpp"
+#include "tests/plant_emulator/read_emulator.hpp"
 
 using namespace meltbench;
 using emulator::Emulator;
+using namespace emulator::testing;
 
 namespace {
 
@@ -55,25 +57,6 @@ std::string make_rig(std::string_view plant, std::string_view feeder = {}, std::
   return text;
 }
 
-emulator::EmulatorSettings read(const std::string& text) {
-  const config::Section root{std::make_shared<config::Table>(config::parse_toml(text, "rig.toml"))};
-  const config::Rig rig = config::read_rig(root);
-  emulator::EmulatorSettings settings = emulator::read_settings(root, rig);
-  root.ignore({"controller"});
-  root.finish();
-  return settings;
-}
-
-/// What a ConfigError says about this rig.
-std::string complaint(const std::string& text) {
-  try {
-    static_cast<void>(read(text));
-  } catch (const config::ConfigError& error) {
-    return std::string{error.what()} + "\n" + error.hint();
-  }
-  return "none";
-}
-
 /// A driver in virtual time and a master that knows nothing of our code: raw frames only.
 class Wire {
  public:
@@ -109,14 +92,7 @@ class Wire {
     }
     return std::nullopt;
   }
-  [[nodiscard]] double signal(std::string_view name) const {
-    std::vector<double> values(emulator.signals().size());
-    emulator.read_signals(values);
-    for (std::size_t i = 0; i < values.size(); ++i) {
-      if (emulator.signals()[i].name == name) return values[i];
-    }
-    throw std::out_of_range(std::string{name});
-  }
+  [[nodiscard]] double signal(std::string_view name) const { return read_signal(emulator, name); }
   [[nodiscard]] Instant deadline() const { return out_.deadline(); }
   [[nodiscard]] const plant::BizoneParameters& bizone() const {
     return std::get<plant::BizoneParameters>(settings.plant);

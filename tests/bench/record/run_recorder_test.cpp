@@ -13,33 +13,12 @@
 #include <string>
 
 #include "bench/record/load_recording.hpp"
+#include "tests/tools/temporary_folder.hpp"
 
 namespace meltbench::record {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// A folder of its own that goes away with the test.
-class ScratchFolder {
- public:
-  ScratchFolder() {
-    std::string name = (fs::temp_directory_path() / "meltbench_record_XXXXXX").string();
-    REQUIRE(::mkdtemp(name.data()) != nullptr);
-    path_ = name;
-  }
-  ~ScratchFolder() { fs::remove_all(path_); }
-  ScratchFolder(const ScratchFolder&) = delete;
-  ScratchFolder& operator=(const ScratchFolder&) = delete;
-  [[nodiscard]] const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
-
-std::string read_file(const fs::path& path) {
-  std::ifstream file{path, std::ios::binary};
-  return {std::istreambuf_iterator<char>{file}, {}};
-}
 
 RunInfo make_info() {
   RunInfo info;
@@ -100,7 +79,7 @@ bool same_bits(double a, double b) {
 }  // namespace
 
 TEST_CASE("Run folder: what was recorded is read back to the last bit", "[record]") {
-  const ScratchFolder scratch;
+  const test::TemporaryFolder scratch;
   const Recording written = record_run(scratch.path());
   const Recording read = load_recording(scratch.path());
 
@@ -136,21 +115,21 @@ TEST_CASE("Run folder: what was recorded is read back to the last bit", "[record
 }
 
 TEST_CASE("Run folder: two equal runs leave equal bytes", "[record]") {
-  const ScratchFolder first;
-  const ScratchFolder second;
+  const test::TemporaryFolder first;
+  const test::TemporaryFolder second;
   record_run(first.path());
   record_run(second.path());
   for (const char* name : {"bus.log", "signals.csv", "events.jsonl"}) {
-    CHECK(read_file(first.path() / name) == read_file(second.path() / name));
+    CHECK(test::read_file(first.path() / name) == test::read_file(second.path() / name));
   }
 }
 
 TEST_CASE("Run folder: its files are the text that other tools read", "[record]") {
-  const ScratchFolder scratch;
+  const test::TemporaryFolder scratch;
   record_run(scratch.path());
-  const std::string csv = read_file(scratch.path() / "signals.csv");
+  const std::string csv = test::read_file(scratch.path() / "signals.csv");
   CHECK(csv.starts_with("t_s,plant.x_m,plant.rejected_feed_count,controller.P_m\n0.000000007,0.1,0,"));
-  const std::string log = read_file(scratch.path() / "bus.log");
+  const std::string log = test::read_file(scratch.path() / "bus.log");
   CHECK(log.find("(0000000000.010000) bench 080#\n(0000000000.010000) bench 12345678#09\n") != std::string::npos);
   // python-can and Wireshark give up at a line that is no frame.
   CHECK(log.front() == '(');
@@ -159,14 +138,15 @@ TEST_CASE("Run folder: its files are the text that other tools read", "[record]"
 }
 
 TEST_CASE("Run folder: a frame from outside keeps its mark, in the log and when it is read back", "[record]") {
-  const ScratchFolder scratch;
+  const test::TemporaryFolder scratch;
   {
     RunRecorder recorder{make_info(), make_signals(), scratch.path()};
     recorder.frame({Instant{1ms}, can::make_frame(0x605, {0x40})}, kTapSender);
     recorder.frame({Instant{2ms}, can::make_frame(0x585, {0x43})}, 1);
     static_cast<void>(recorder.finish({}));
   }
-  CHECK(read_file(scratch.path() / "bus.log") == "(0000000000.001000) tap 605#40\n(0000000000.002000) bench 585#43\n");
+  CHECK(test::read_file(scratch.path() / "bus.log") ==
+        "(0000000000.001000) tap 605#40\n(0000000000.002000) bench 585#43\n");
   const Recording loaded = load_recording(scratch.path());
   REQUIRE(loaded.frames.size() == 2);
   CHECK(loaded.frames[0].sender == kTapSender);
@@ -174,7 +154,7 @@ TEST_CASE("Run folder: a frame from outside keeps its mark, in the log and when 
 }
 
 TEST_CASE("Run folder: a bench killed in the middle leaves whole lines and is read as cut short", "[record]") {
-  const ScratchFolder scratch;
+  const test::TemporaryFolder scratch;
   const pid_t child = ::fork();
   if (child == 0) {
     RunRecorder recorder{make_info(), make_signals(), scratch.path()};
@@ -198,7 +178,7 @@ TEST_CASE("Run folder: a bench killed in the middle leaves whole lines and is re
 }
 
 TEST_CASE("Run folder: a torn last line is dropped with a note", "[record]") {
-  const ScratchFolder scratch;
+  const test::TemporaryFolder scratch;
   record_run(scratch.path());
   const fs::path csv = scratch.path() / "signals.csv";
   fs::resize_file(csv, fs::file_size(csv) - 4);
@@ -209,7 +189,7 @@ TEST_CASE("Run folder: a torn last line is dropped with a note", "[record]") {
 }
 
 TEST_CASE("Run folder: a line that no recorder writes is refused with its place", "[record]") {
-  const ScratchFolder scratch;
+  const test::TemporaryFolder scratch;
   record_run(scratch.path());
   const auto damage = [&](const char* name, const std::string& line) {
     std::ofstream{scratch.path() / name, std::ios::app} << line << '\n';
@@ -238,7 +218,7 @@ TEST_CASE("Run folder: a line that no recorder writes is refused with its place"
 }
 
 TEST_CASE("Recorder: an older verdict does not survive beside a new recording", "[record]") {
-  const ScratchFolder scratch;
+  const test::TemporaryFolder scratch;
   std::ofstream{scratch.path() / "result.json"} << "{\"held\": true}";
   const RunRecorder recorder{make_info(), make_signals(), scratch.path()};
   CHECK_FALSE(fs::exists(scratch.path() / "result.json"));
@@ -246,7 +226,7 @@ TEST_CASE("Recorder: an older verdict does not survive beside a new recording", 
 
 TEST_CASE("Recorder: a full disk does not stop the run, and is a fault in the recording", "[record]") {
   if (!fs::exists("/dev/full")) return;
-  const ScratchFolder scratch;
+  const test::TemporaryFolder scratch;
   fs::create_symlink("/dev/full", scratch.path() / "signals.csv");
   const Recording recording = record_run(scratch.path());
   CHECK(recording.row_count() == 200);
@@ -283,14 +263,14 @@ TEST_CASE("Signal units: read from the end of the name", "[record]") {
 }
 
 TEST_CASE("Recorder: bytes on serial lines have a file of their own, if the rig has lines", "[record]") {
-  const ScratchFolder folder;
+  const test::TemporaryFolder folder;
   RunInfo info = make_info();
   info.has_serial_lines = true;
   RunRecorder recorder{info, make_signals(), folder.path()};
   recorder.serial("hopper", "controller", Instant{1s + 2345us + 999ns}, std::array<std::uint8_t, 3>{0x01, 0xAB, 0xFF});
   recorder.serial("hopper", "plant", Instant{2s}, std::array<std::uint8_t, 1>{0});
   static_cast<void>(recorder.finish({}));
-  CHECK(read_file(folder.path() / "serial.log") ==
+  CHECK(test::read_file(folder.path() / "serial.log") ==
         "(0000000001.002345) hopper controller 01ABFF\n(0000000002.000000) hopper plant 00\n");
 
   RunRecorder next{make_info(), make_signals(), folder.path()};

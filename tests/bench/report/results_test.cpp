@@ -11,27 +11,12 @@
 
 #include "bench/record/load_recording.hpp"
 #include "tests/bench/report/sample_runs.hpp"
+#include "tests/tools/temporary_folder.hpp"
 
 namespace meltbench::report {
 namespace {
 
 namespace fs = std::filesystem;
-
-class ScratchFolder {
- public:
-  ScratchFolder() {
-    std::string name = (fs::temp_directory_path() / "meltbench_report_XXXXXX").string();
-    REQUIRE(::mkdtemp(name.data()) != nullptr);
-    path_ = name;
-  }
-  ~ScratchFolder() { fs::remove_all(path_); }
-  ScratchFolder(const ScratchFolder&) = delete;
-  ScratchFolder& operator=(const ScratchFolder&) = delete;
-  [[nodiscard]] const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
 
 std::size_t count(const std::string& text, const std::string& word) {
   std::size_t n = 0;
@@ -93,7 +78,7 @@ TEST_CASE("result.json: what is not a number is null, and bytes that are no text
 }
 
 TEST_CASE("Run folder: recording and verdict are read back as they were judged", "[report]") {
-  const ScratchFolder scratch;
+  const test::TemporaryFolder scratch;
   const SampleRun run = make_sample_run(1, 2, scratch.path().string());
   write_run_results(scratch.path(), run.recording, run.results);
   const record::Recording recording = record::load_recording(scratch.path());
@@ -105,7 +90,7 @@ TEST_CASE("Run folder: recording and verdict are read back as they were judged",
 }
 
 TEST_CASE("Run folder: a missing or foreign result.json is a clear error", "[report]") {
-  const ScratchFolder scratch;
+  const test::TemporaryFolder scratch;
   CHECK_THROWS_WITH(load_run_results(scratch.path()), Catch::EndsWith("result.json: cannot be read"));
   std::ofstream{scratch.path() / "result.json"} << "{\"checks\": 3}";
   CHECK_THROWS_AS(load_run_results(scratch.path()), record::LoadError);

@@ -10,6 +10,7 @@
 #include <filesystem>
 
 #include "protocols/link/can_link.hpp"
+#include "tests/tools/temporary_folder.hpp"
 
 using namespace meltbench;
 using tap::Tap;
@@ -17,22 +18,6 @@ using tap::Tap;
 namespace {
 
 namespace fs = std::filesystem;
-
-class ScratchFolder {
- public:
-  ScratchFolder() {
-    std::string name = (fs::temp_directory_path() / "meltbench_tap_XXXXXX").string();
-    REQUIRE(::mkdtemp(name.data()) != nullptr);
-    path_ = name;
-  }
-  ~ScratchFolder() { fs::remove_all(path_); }
-  ScratchFolder(const ScratchFolder&) = delete;
-  ScratchFolder& operator=(const ScratchFolder&) = delete;
-  [[nodiscard]] std::string operator/(const char* name) const { return (path_ / name).string(); }
-
- private:
-  fs::path path_;
-};
 
 /// The other end of a connection, in this thread: what it sends is there when the tap looks next.
 class Program {
@@ -64,7 +49,7 @@ link::UniqueFd connect_to(const std::string& path) {
 /// A tap on a Unix socket, and the bus behind it.
 class Bus {
  public:
-  explicit Bus(bool read_only = false) : tap_{{"unix:" + (folder_ / "tap"), folder_ / "slcan", read_only}} {}
+  explicit Bus(bool read_only = false) : tap_{{"unix:" + (folder_ / "tap").string(), folder_ / "slcan", read_only}} {}
 
   Program connect() { return Program{connect_to(folder_ / "tap")}; }
   Program open_adapter() {
@@ -99,7 +84,7 @@ class Bus {
   std::vector<can::CanFrame> all_taken;
 
  private:
-  ScratchFolder folder_;
+  test::TemporaryFolder folder_;
   Tap tap_;
 };
 
@@ -256,7 +241,7 @@ TEST_CASE("Tap: an address that cannot be is refused with what could be", "[tap]
     INFO(address);
     CHECK_THROWS_AS((Tap{{address, "", false}}), link::LinkError);
   }
-  const ScratchFolder folder;
+  const test::TemporaryFolder folder;
   const std::string path = folder / "tap";
   const Tap first{{"unix:" + path, "", false}};
   CHECK_THROWS_AS((Tap{{"unix:" + path, "", false}}), link::LinkError);
@@ -264,7 +249,7 @@ TEST_CASE("Tap: an address that cannot be is refused with what could be", "[tap]
 }
 
 TEST_CASE("Tap: what a killed bench has left is replaced, and an orderly one leaves nothing", "[tap]") {
-  const ScratchFolder folder;
+  const test::TemporaryFolder folder;
   const std::string socket_path = folder / "tap";
   const std::string link_path = folder / "slcan";
   {
