@@ -7,7 +7,7 @@ TEST_CASE("slcan: the bench and real boards meet over adapters, and the controll
   const TemporaryFolder folder;
   const std::string rig = std::string{MELTBENCH_SOURCE_DIR} + "/fixtures/rigs/bizone.toml";
   const std::filesystem::path scenario = folder.path() / "scenario.toml";
-  std::ofstream{scenario} << "[scenario]\nname = \"adapter\"\nrig = \"" << rig << "\"\nduration_s = 3\n"
+  std::ofstream{scenario} << "[scenario]\nname = \"adapter\"\nrig = \"" << rig << "\"\nduration_s = 5\n"
                           << "[controller]\nboot_timeout_s = 60\n"  // The boards come when their process is there.
                           << "[board.feeder]\npart = \"real\"\n[board.screw_drive]\npart = \"real\"\n"
                           << "[board.melt_pressure]\npart = \"real\"\n";
