@@ -37,6 +37,12 @@ WallClockRelay::WallClockRelay(std::span<Joined> joined, Broker& broker, link::C
     const auto own = runtime::real_time_signals(program.hello.name);
     signals_.insert(signals_.end(), own.begin(), own.end());
   }
+  if (media.bit_timed && kernel_bus_ == nullptr && media.adapter == nullptr) {
+    std::vector<BitTimedMedium::Member> members;
+    for (const Joined& program : joined) members.push_back({program.hello.name, program.hello.nodes});
+    MediumListener& self = *this;
+    medium_ = std::make_unique<BitTimedMedium>(*media.bit_timed, members, self);
+  }
   // What was not reported yet has no value; a counter that was not reported has counted nothing.
   for (const SignalInfo& signal : signals_) {
     values_.push_back(signal.kind == SignalKind::kErrorCounter ? 0.0 : std::numeric_limits<double>::quiet_NaN());
@@ -74,23 +80,24 @@ RunOutcome WallClockRelay::run(Nanos duration, double speed, RunObserver& observ
   const Nanos start = runtime::read_monotonic() + kStartDelay;
   clock_ = runtime::RealTimeClock{start, speed};
   welcome_ = {link::Pace::kWallClock, speed, start, record_period_};
-  for (Party& party : parties_) {
-    party.heard_of = start;
-    party.gone = !welcome(*party.joined, welcome_);
+  for (std::size_t number = 0; number < parties_.size(); ++number) {
+    parties_[number].heard_of = start;
+    parties_[number].gone = !welcome(*parties_[number].joined, welcome_);
+    tell_nodes(number);
   }
   const Nanos end = clock_.to_monotonic(Instant{duration});
   RunOutcome outcome;
   while (runtime::read_monotonic() < end && outcome.text.empty()) {
     Nanos until = std::min(end, runtime::read_monotonic() + (outside_has_more_ ? 0ms : 10ms));
-    if (lines_.next_delivery() < Instant::never()) until = std::min(until, clock_.to_monotonic(lines_.next_delivery()));
     if (gateway_ && gateway_->has_waiting()) until = std::min(until, runtime::read_monotonic() + 1ms);
-    wait(until);
+    wait(find_next_event(until));
     take_newcomer();
     for (std::size_t number = 0; number < parties_.size(); ++number) read_messages(number);
     deliver_serial();
     read_kernel_bus();
     exchange_with_adapter();
     exchange_with_outside();
+    if (medium_) medium_->advance(bus_time_ = std::max(bus_time_, clock_.now()));
     write_rows_until(clock_.now() - kRowDelayPeriods * record_period_);
     if (runtime::stop_requested()) outcome = {RunOutcome::Kind::kInterrupted, "interrupted", {}, 0};
     if (const std::string lost = find_lost(); !lost.empty()) {
@@ -98,7 +105,8 @@ RunOutcome WallClockRelay::run(Nanos duration, double speed, RunObserver& observ
     }
   }
   outcome.at = std::min(clock_.now(), Instant{duration});
-  outcome.lost_frames = lost_frames_ + (kernel_bus_ != nullptr ? kernel_bus_->counters().dropped : 0);
+  outcome.lost_frames = lost_frames_ + (medium_ ? medium_->lost_frames() : 0) +
+                        (kernel_bus_ != nullptr ? kernel_bus_->counters().dropped : 0);
   write_rows_until(outcome.at);
   for (Joined& outsider : outsiders_) stop(outsider);
   return outcome;
@@ -126,8 +134,8 @@ void WallClockRelay::read_messages(std::size_t number) {
     if (status == link::ReceiveStatus::kClosed) party.gone = true;
     if (status != link::ReceiveStatus::kMessage) return;
     party.heard_of = runtime::read_monotonic();
-    if (const auto stamped = runtime::read_frame(message)) {
-      carry(number, stamped->at.since_start, stamped->frame);
+    if (const auto carried = runtime::read_frame(message)) {
+      medium_ ? queue(number, *carried) : carry(number, *carried);
       continue;
     }
     if (take_lateness(party, message)) continue;
@@ -180,7 +188,8 @@ void WallClockRelay::deliver_serial() {
 
 void WallClockRelay::read_kernel_bus() {
   if (kernel_bus_ == nullptr || !kernel_bus_->is_up()) return;
-  while (const auto received = kernel_bus_->receive()) carry(kOutsideSender, received->at_monotonic, received->frame);
+  while (const auto received = kernel_bus_->receive())
+    carry(kOutsideSender, {received->at_monotonic, 0, received->frame});
 }
 
 void WallClockRelay::exchange_with_adapter() {
@@ -190,7 +199,7 @@ void WallClockRelay::exchange_with_adapter() {
   gateway_->exchange(std::max(clock_.now(), Instant{}), from_adapter_, events_);
   for (const Event& event : events_) observer_->on_event(kOutsideSender, event);
   for (const link::ReceivedFrame& received : from_adapter_) {
-    carry(kOutsideSender, received.at_monotonic, received.frame);
+    carry(kOutsideSender, {received.at_monotonic, 0, received.frame});
   }
 }
 
@@ -203,7 +212,9 @@ void WallClockRelay::exchange_with_outside() {
   const Nanos now = runtime::read_monotonic();
   if (!std::exchange(outside_has_sent_, true))
     observer_->on_event(kTapSender, make_outside_event(std::max(clock_.now(), Instant{})));
-  for (const can::CanFrame& frame : from_outside_) carry(kTapSender, now, frame);
+  for (const can::CanFrame& frame : from_outside_) {
+    medium_ ? queue(kTapSender, {now, 0, frame}) : carry(kTapSender, {now, 0, frame});
+  }
 }
 
 /// Linux says that a Unix socket can be written to while less than a quarter of its queue is taken.
@@ -214,18 +225,75 @@ bool WallClockRelay::all_have_room() const {
   });
 }
 
-void WallClockRelay::carry(std::size_t sender, Nanos at_monotonic, const can::CanFrame& frame) {
-  last_frame_at_ = std::max({last_frame_at_, clock_.to_instant(at_monotonic), Instant{}});
-  const bool is_joined = sender < parties_.size() && parties_[sender].is_outsider;
-  observer_->on_frame({last_frame_at_, frame}, is_joined ? kTapSender : sender);
-  if (outside_ != nullptr) outside_->show({last_frame_at_, frame}, sender);
+void WallClockRelay::carry(std::size_t sender, const runtime::CarriedFrame& carried) {
+  last_frame_at_ = std::max({last_frame_at_, clock_.to_instant(carried.at_monotonic), Instant{}});
+  show({last_frame_at_, carried.frame}, sender);
   if (kernel_bus_ != nullptr && sender == kOutsideSender) return;  // The kernel has carried it already.
-  if (gateway_ && sender != kOutsideSender) gateway_->send(frame);
-  runtime::write_frame(writer_, at_monotonic, frame);
+  if (gateway_ && sender != kOutsideSender) gateway_->send(carried.frame);
+  runtime::write_frame(writer_, carried);
   for (std::size_t number = 0; number < parties_.size(); ++number) {
     if (number == sender || parties_[number].gone) continue;
     if (parties_[number].joined->socket.try_send(writer_.bytes()) == link::SendStatus::kFull) ++lost_frames_;
   }
+}
+
+void WallClockRelay::show(const can::StampedFrame& frame, std::size_t sender) {
+  const bool is_joined = sender < parties_.size() && parties_[sender].is_outsider;
+  observer_->on_frame(frame, is_joined ? kTapSender : sender);
+  if (outside_ != nullptr) outside_->show(frame, sender);
+}
+
+/// Puts a frame on the bit-timed bus at the instant of its sending, or as soon after that as the bus has come.
+void WallClockRelay::queue(std::size_t sender, const runtime::CarriedFrame& carried) {
+  const Instant sent_at = clock_.to_instant(carried.at_monotonic);
+  if (sent_at > bus_time_) medium_->advance(bus_time_ = sent_at);
+  const bool is_member = sender < parties_.size() && !parties_[sender].is_outsider;
+  if (is_member) {
+    medium_->send(bus_time_, sender, carried.node, carried.frame);
+  } else {
+    medium_->send_from_outside(bus_time_, carried.frame);
+  }
+}
+
+void WallClockRelay::give(const can::StampedFrame& frame, std::uint64_t heard_by) {
+  runtime::write_frame(writer_, {clock_.to_monotonic(frame.at), 0, frame.frame});
+  for (std::size_t number = 0; number < parties_.size(); ++number) {
+    const Party& party = parties_[number];
+    if (party.gone || (!party.is_outsider && ((heard_by >> number) & 1U) == 0)) continue;
+    if (party.joined->socket.try_send(writer_.bytes()) == link::SendStatus::kFull) ++lost_frames_;
+  }
+}
+
+void WallClockRelay::on_crossed(const can::StampedFrame& frame, std::size_t sender, std::uint64_t heard_by) {
+  show(frame, sender);
+  give(frame, heard_by);
+}
+
+void WallClockRelay::on_error_frame(const can::StampedFrame& error, std::size_t participant) {
+  show(error, participant);
+}
+
+void WallClockRelay::on_node_state(std::size_t participant, const Event& event) {
+  observer_->on_event(kOutsideSender, event);
+  if (participant < parties_.size()) tell_nodes(participant);
+}
+
+void WallClockRelay::tell_nodes(std::size_t number) {
+  if (!medium_ || parties_[number].gone) return;
+  runtime::write_node_states(writer_, medium_->states(number));
+  static_cast<void>(parties_[number].joined->socket.try_send(writer_.bytes()));
+}
+
+/// When to look again: at the next thing that a line or the bus has to do, but not for every single bit.
+Nanos WallClockRelay::find_next_event(Nanos until) const {
+  constexpr Nanos kFewBits = 50us;
+  const Instant on_line = lines_.next_delivery();
+  if (on_line < Instant::never()) until = std::min(until, clock_.to_monotonic(on_line));
+  const Instant on_bus = medium_ ? medium_->next_event() : Instant::never();
+  if (on_bus < Instant::never()) {
+    until = std::min(until, std::max(clock_.to_monotonic(on_bus), runtime::read_monotonic() + kFewBits));
+  }
+  return until;
 }
 
 void WallClockRelay::write_rows_until(Instant at) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <deque>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -18,7 +19,7 @@ namespace meltbench::bus {
 /// Runs participants at wall-clock pace: hands the frames of each to all others, or listens on the kernel bus that they
 /// use, and writes down what they report. A participant that is slow to take its frames loses them, and is counted; it
 /// never holds up the others. Programs that the bench did not start may join the embedded bus at any time.
-class WallClockRelay {
+class WallClockRelay final : private MediumListener {
  public:
   /// @param joined  in the order of their numbers.  @param broker  where others join.
   /// @param kernel_bus  the bus to listen on; null: carry the frames.
@@ -30,6 +31,9 @@ class WallClockRelay {
 
   /// Welcomes everybody, runs for `duration` of bench time at `speed` bench seconds per second.
   [[nodiscard]] RunOutcome run(Nanos duration, double speed, RunObserver& observer);
+
+  /// The bit-timed bus, for its counters; null on the ideal bus and on a kernel's.
+  [[nodiscard]] BitTimedMedium* medium() { return medium_.get(); }
 
   /// How late the wake-ups of each participant were, by name; complete once the programs have ended.
   [[nodiscard]] std::vector<std::pair<std::string, LogHistogram>> collect_lateness();
@@ -64,7 +68,15 @@ class WallClockRelay {
   void exchange_with_adapter();
   void exchange_with_outside();
   [[nodiscard]] bool all_have_room() const;
-  void carry(std::size_t sender, Nanos at_monotonic, const can::CanFrame& frame);
+  void carry(std::size_t sender, const runtime::CarriedFrame& carried);
+  void queue(std::size_t sender, const runtime::CarriedFrame& carried);
+  void show(const can::StampedFrame& frame, std::size_t sender);
+  void give(const can::StampedFrame& frame, std::uint64_t heard_by);
+  void tell_nodes(std::size_t number);
+  [[nodiscard]] Nanos find_next_event(Nanos until) const;
+  void on_crossed(const can::StampedFrame& frame, std::size_t sender, std::uint64_t heard_by) override;
+  void on_error_frame(const can::StampedFrame& error, std::size_t participant) override;
+  void on_node_state(std::size_t participant, const Event& event) override;
   void write_rows_until(Instant at);
   [[nodiscard]] std::string find_lost() const;
 
@@ -76,6 +88,8 @@ class WallClockRelay {
   SerialLines lines_;
   std::optional<Gateway> gateway_;
   std::vector<link::ReceivedFrame> from_adapter_;
+  std::unique_ptr<BitTimedMedium> medium_;  ///< Null: frames cross at once.
+  Instant bus_time_{};                      ///< To which it has been advanced.
   std::vector<can::CanFrame> from_outside_;
   bool outside_has_sent_ = false;
   bool outside_has_more_ = false;  ///< As many came at once as may.

@@ -208,6 +208,11 @@ record::WireSignals* wire_of(PreparedRun& prepared) {
 
 using Ports = std::vector<std::unique_ptr<runtime::ParticipantPort>>;
 
+std::optional<bus::BitTimedSettings> bit_timing_of(const config::RigBus& can) {
+  if (can.fidelity == config::BusFidelity::kIdeal) return std::nullopt;
+  return bus::to_settings(can);
+}
+
 void note_bus_timing(const PreparedRun& prepared, bus::BitTimedMedium* medium, Instant end,
                      record::RunRecorder& recorder) {
   if (medium == nullptr) return;
@@ -226,8 +231,7 @@ bus::RunOutcome run_in_virtual_time(PreparedRun& prepared, const RunRequest& req
   Observer observer{*recorder, wire_of(prepared), progress};
   Injection faults{prepared.faults, prepared.run.seed, to_pointers(ports), observer};
   bus::RunMedia media{.lines = prepared.run.rig.lines, .outside = outside, .intervention = &faults.injector()};
-  const config::RigBus& can = prepared.run.rig.bus;
-  if (can.fidelity == config::BusFidelity::kBitTimed) media.bit_timed = bus::to_settings(can);
+  media.bit_timed = bit_timing_of(prepared.run.rig.bus);
   bus::VirtualTime time{faults.ports(), prepared.run.record_period, observer, media};
   const bus::RunOutcome outcome = time.run(prepared.run.duration);
   note_bus_timing(prepared, time.medium(), outcome.at, *recorder);
@@ -428,7 +432,10 @@ record::Recording run_at_wall_clock(PreparedRun& prepared, const RunRequest& req
                             broker,
                             kernel_bus.get(),
                             prepared.run.record_period,
-                            {.lines = prepared.run.rig.lines, .outside = tap.outside(), .adapter = adapter.get()}};
+                            {.lines = prepared.run.rig.lines,
+                             .outside = tap.outside(),
+                             .adapter = adapter.get(),
+                             .bit_timed = bit_timing_of(prepared.run.rig.bus)}};
   std::optional<record::RunRecorder> recorder;
   open_recorder(recorder, prepared, relay.signals());
   Observer observer{*recorder, wire_of(prepared), progress};
@@ -437,6 +444,7 @@ record::Recording run_at_wall_clock(PreparedRun& prepared, const RunRequest& req
   const double elapsed_s = std::chrono::duration<double>(Clock::now() - started).count();
   record::Ending ending = to_ending(end_programs(outcome, joined, programs));
   ending.real_time_factor = to_s(ending.at) / elapsed_s;
+  note_bus_timing(prepared, relay.medium(), ending.at, *recorder);
   for (auto& [name, lateness] : relay.collect_lateness()) ending.wakeups.push_back({name, lateness});
   return recorder->finish(std::move(ending));
 }

@@ -26,7 +26,7 @@ namespace meltbench::link {
 inline constexpr std::uint32_t kBenchProtocolVersion = 1;
 inline constexpr std::size_t kMaxMessageSize = 128 * 1024;
 
-enum class MessageType : std::uint8_t { kHello = 1, kWelcome, kWake, kDone, kFrames, kReport, kStop, kTiming, kSerial };
+enum class MessageType : std::uint8_t { kHello = 1, kWelcome, kWake, kDone, kFrames, kReport, kStop, kTiming, kSerial, kNodes };
 
 /// How time passes in a run.
 enum class Pace : std::uint8_t { kLockstep, kWallClock };

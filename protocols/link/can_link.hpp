@@ -37,6 +37,10 @@ class CanLink {
  public:
   virtual ~CanLink() = default;
   [[nodiscard]] virtual SendStatus send(const can::CanFrame& frame) noexcept = 0;
+  /// As this one of the sender's nodes, where the link knows them apart.
+  [[nodiscard]] virtual SendStatus send_as(std::uint8_t /*node*/, const can::CanFrame& frame) noexcept {
+    return send(frame);
+  }
   /// The oldest frame waiting; nothing: none waits.
   [[nodiscard]] virtual std::optional<ReceivedFrame> receive() noexcept = 0;
   /// Whether the bus is there. Looks again, and reopens what has gone, when it was not.

@@ -37,8 +37,8 @@ bool BenchClient::send_serial(std::uint8_t line, std::span<const std::uint8_t> b
   return status == link::SendStatus::kSent;
 }
 
-link::SendStatus BenchClient::send(const can::CanFrame& frame) noexcept {
-  write_frame(writer_, read_monotonic(), frame);
+link::SendStatus BenchClient::send_as(std::uint8_t node, const can::CanFrame& frame) noexcept {
+  write_frame(writer_, {read_monotonic(), node, frame});
   const link::SendStatus status = socket_.try_send(writer_.bytes());
   if (status == link::SendStatus::kFull) ++counters_.full;
   if (status == link::SendStatus::kDown) lost_ = true;
@@ -52,9 +52,8 @@ std::optional<link::ReceivedFrame> BenchClient::receive() noexcept {
     if (status == link::ReceiveStatus::kClosed) lost_ = true;
     if (status != link::ReceiveStatus::kMessage) return std::nullopt;
     if (message_type(message) == link::MessageType::kStop) stopped_ = true;
-    if (const auto stamped = read_frame(message)) {
-      return link::ReceivedFrame{stamped->at.since_start, stamped->frame};
-    }
+    if (const auto carried = read_frame(message)) return link::ReceivedFrame{carried->at_monotonic, carried->frame};
+    if (message_type(message) == link::MessageType::kNodes) nodes_told_ = read_node_states(message, node_states_);
     if (const auto piece = read_serial_piece(message); piece && piece->line < lines_.size()) {
       lines_[piece->line]->add(*piece);
     }

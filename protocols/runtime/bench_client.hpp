@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "protocols/link/bench_socket.hpp"
@@ -40,11 +41,17 @@ class BenchClient final : public link::CanLink {
   /// @param socket  connected and welcomed.  @param line_count  of the participant's lines.
   explicit BenchClient(link::BenchSocket socket, std::size_t line_count = 0);
 
-  [[nodiscard]] link::SendStatus send(const can::CanFrame& frame) noexcept override;
+  [[nodiscard]] link::SendStatus send(const can::CanFrame& frame) noexcept override { return send_as(0, frame); }
+  [[nodiscard]] link::SendStatus send_as(std::uint8_t node, const can::CanFrame& frame) noexcept override;
   [[nodiscard]] std::optional<link::ReceivedFrame> receive() noexcept override;
   [[nodiscard]] bool is_up() noexcept override { return !lost_; }
   [[nodiscard]] int fd() const noexcept override { return socket_.fd(); }
   [[nodiscard]] const link::LinkCounters& counters() const noexcept override { return counters_; }
+
+  /// States of the participant's nodes, as last told; empty on an ideal bus. They come with receive().
+  [[nodiscard]] std::span<const can::ErrorState> node_states() const { return node_states_; }
+  /// Whether they have been told since the last call.
+  [[nodiscard]] bool take_node_change() { return std::exchange(nodes_told_, false); }
 
   /// A serial line by its number in the participant's lines(). Its bytes arrive with receive() or poll_stop().
   [[nodiscard]] BenchLine& line(std::size_t number) { return *lines_[number]; }
@@ -66,6 +73,8 @@ class BenchClient final : public link::CanLink {
   link::MessageWriter writer_;
   link::LinkCounters counters_;
   std::vector<std::unique_ptr<BenchLine>> lines_;
+  std::vector<can::ErrorState> node_states_;
+  bool nodes_told_ = false;
   bool stopped_ = false;
   bool lost_ = false;
 };

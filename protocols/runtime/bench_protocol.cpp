@@ -312,17 +312,31 @@ std::optional<SerialArrival> read_serial_piece(std::span<const std::uint8_t> mes
   return piece;
 }
 
-void write_frame(MessageWriter& writer, Nanos at_monotonic, const can::CanFrame& frame) {
+void write_frame(MessageWriter& writer, const CarriedFrame& carried) {
   writer.begin(MessageType::kFrames);
-  writer.put_frame(Instant{at_monotonic}, frame);
+  writer.put(carried.node);
+  writer.put_frame(Instant{carried.at_monotonic}, carried.frame);
 }
 
-std::optional<can::StampedFrame> read_frame(std::span<const std::uint8_t> message) {
+std::optional<CarriedFrame> read_frame(std::span<const std::uint8_t> message) {
   auto reader = open(message, MessageType::kFrames);
   if (!reader) return std::nullopt;
+  const auto node = reader->take<std::uint8_t>();
   const can::StampedFrame stamped = reader->take_frame();
   if (!reader->complete()) return std::nullopt;
-  return stamped;
+  return CarriedFrame{stamped.at.since_start, node, stamped.frame};
+}
+
+void write_node_states(MessageWriter& writer, std::span<const can::ErrorState> states) {
+  writer.begin(MessageType::kNodes);
+  write_states(writer, states);
+}
+
+bool read_node_states(std::span<const std::uint8_t> message, std::vector<can::ErrorState>& states) {
+  auto reader = open(message, MessageType::kNodes);
+  if (!reader) return false;
+  read_states(*reader, states);
+  return reader->complete();
 }
 
 }  // namespace meltbench::runtime

@@ -60,9 +60,19 @@ void write_timing(link::MessageWriter& writer, const LogHistogram& lateness);
 /// @returns false on nonsense; the histogram then is not to be used.
 [[nodiscard]] bool read_timing(std::span<const std::uint8_t> message, LogHistogram& lateness);
 
-/// Wall clock: frames on the embedded bus, with the CLOCK_MONOTONIC reading of their sending.
-void write_frame(link::MessageWriter& writer, Nanos at_monotonic, const can::CanFrame& frame);
-[[nodiscard]] std::optional<can::StampedFrame> read_frame(std::span<const std::uint8_t> message);
+/// A frame on the embedded bus at wall-clock pace.
+struct CarriedFrame {
+  Nanos at_monotonic{};   ///< CLOCK_MONOTONIC: to the bench, of its sending; to a program, of its end on the wire.
+  std::uint8_t node = 0;  ///< To the bench: which of the program's nodes() sends it.
+  can::CanFrame frame;
+};
+void write_frame(link::MessageWriter& writer, const CarriedFrame& carried);
+[[nodiscard]] std::optional<CarriedFrame> read_frame(std::span<const std::uint8_t> message);
+
+/// Wall clock, to a program on a bit-timed bus: the states of its nodes have changed.
+void write_node_states(link::MessageWriter& writer, std::span<const can::ErrorState> states);
+/// @returns false if it is no such message.
+[[nodiscard]] bool read_node_states(std::span<const std::uint8_t> message, std::vector<can::ErrorState>& states);
 
 /// Wall clock: bytes on a serial line that the embedded bus carries. To the bench: `at` is when they were written; to a
 /// program: when the last of them was there. Both on CLOCK_MONOTONIC.

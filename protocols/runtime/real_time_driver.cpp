@@ -141,6 +141,7 @@ void RealTimeDriver::collect_arrivals() {
   }
   if (bench_ != nullptr && static_cast<const link::CanLink*>(bench_) != &can_) bench_->poll_stop();
   if (serial_.collect(clock_, now_, events_)) out_.wake_at(now_);
+  if (bench_ != nullptr && bench_->take_node_change()) out_.wake_at(now_);
 }
 
 void RealTimeDriver::wake() {
@@ -149,23 +150,31 @@ void RealTimeDriver::wake() {
                      .frames = arrived_,
                      .link = link_up_ ? LinkState::kUp : LinkState::kDown,
                      .serial = serial_.inbox().arrivals(),
-                     .lines = serial_.states()},
+                     .lines = serial_.states(),
+                     .nodes = bench_ != nullptr ? bench_->node_states() : std::span<const can::ErrorState>{}},
                     out_);
   arrived_.clear();
   serial_.inbox().clear();
   serial_.write(out_);
-  for (const can::CanFrame& frame : out_.frames()) {
+  queue_frames();
+  for (const Event& event : out_.events()) events_.push_back(event);
+}
+
+void RealTimeDriver::queue_frames() {
+  auto mark = out_.senders().begin();
+  std::uint8_t node = 0;
+  for (std::size_t i = 0; i < out_.frames().size(); ++i) {
+    for (; mark != out_.senders().end() && mark->first <= i; ++mark) node = mark->node;
     if (!link_up_ || waiting_.full())
       ++frames_lost_;
     else
-      waiting_.push(frame);
+      waiting_.push(out_.frames()[i], node);
   }
-  for (const Event& event : out_.events()) events_.push_back(event);
 }
 
 void RealTimeDriver::send_waiting() {
   while (!waiting_.empty()) {
-    const link::SendStatus status = can_.send(waiting_.front());
+    const link::SendStatus status = can_.send_as(waiting_.front_node(), waiting_.front());
     if (status == link::SendStatus::kFull || status == link::SendStatus::kDown) return;
     if (status == link::SendStatus::kUnsupported) ++frames_lost_;
     waiting_.pop();

@@ -23,13 +23,19 @@ class FrameQueue {
  public:
   static constexpr std::size_t kCapacity = 1024;  ///< More is a bus that does not move.
 
-  FrameQueue() : frames_(kCapacity) {}
+  FrameQueue() : frames_(kCapacity), nodes_(kCapacity) {}
   [[nodiscard]] bool empty() const { return size_ == 0; }
   [[nodiscard]] bool full() const { return size_ == kCapacity; }
   [[nodiscard]] std::size_t size() const { return size_; }
   [[nodiscard]] const can::CanFrame& front() const { return frames_[first_]; }
+  /// Which of the participant's nodes sends it.
+  [[nodiscard]] std::uint8_t front_node() const { return nodes_[first_]; }
   /// @pre !full()
-  void push(const can::CanFrame& frame) { frames_[(first_ + size_++) % kCapacity] = frame; }
+  void push(const can::CanFrame& frame, std::uint8_t node = 0) {
+    const std::size_t place = (first_ + size_++) % kCapacity;
+    frames_[place] = frame;
+    nodes_[place] = node;
+  }
   /// @pre !empty()
   void pop() {
     first_ = (first_ + 1) % kCapacity;
@@ -39,6 +45,7 @@ class FrameQueue {
 
  private:
   std::vector<can::CanFrame> frames_;
+  std::vector<std::uint8_t> nodes_;
   std::size_t first_ = 0;
   std::size_t size_ = 0;
 };
@@ -71,6 +78,7 @@ class RealTimeDriver {
   void collect_arrivals();
   [[nodiscard]] bool has_arrivals() { return !arrived_.empty() || !serial_.inbox().empty(); }
   void wake();
+  void queue_frames();
   void send_waiting();
   void note_link(bool up);
   void report();

@@ -117,3 +117,21 @@ TEST_CASE("Bench protocol: lateness comes back with its buckets, and a torn mess
   CHECK(read.quantile(0.5) == lateness.quantile(0.5));
   CHECK_FALSE(read_timing(writer.bytes().first(writer.bytes().size() - 1), read));
 }
+
+TEST_CASE("Bench protocol: a frame at wall-clock pace names its node, and states of nodes come through", "[runtime]") {
+  link::MessageWriter writer;
+  write_frame(writer, {Nanos{123'456}, 2, can::make_frame(0x185, {1, 2})});
+  const auto carried = read_frame(writer.bytes());
+  REQUIRE(carried);
+  CHECK(carried->at_monotonic == Nanos{123'456});
+  CHECK(carried->node == 2);
+  CHECK(carried->frame == can::make_frame(0x185, {1, 2}));
+  CHECK_FALSE(read_frame(writer.bytes().first(writer.bytes().size() - 1)));
+
+  const std::vector states{can::ErrorState::kActive, can::ErrorState::kBusOff};
+  write_node_states(writer, states);
+  std::vector<can::ErrorState> read;
+  CHECK(read_node_states(writer.bytes(), read));
+  CHECK(read == states);
+  CHECK_FALSE(read_frame(writer.bytes()));
+}
