@@ -23,7 +23,7 @@ struct RunMedia {
   link::CanLink* adapter = nullptr;
   /// Stands between the bus and the participants; outlives the run. Null: nobody does. In virtual time only.
   Intervention* intervention = nullptr;
-  /// The CAN bus in bit times; nothing: the ideal bus. In virtual time only.
+  /// The embedded CAN bus in bit times; nothing: the ideal bus. A bus of a kernel or behind an adapter has its own.
   std::optional<BitTimedSettings> bit_timed{};
 };
 
