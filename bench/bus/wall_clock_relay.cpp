@@ -97,7 +97,7 @@ RunOutcome WallClockRelay::run(Nanos duration, double speed, RunObserver& observ
     read_kernel_bus();
     exchange_with_adapter();
     exchange_with_outside();
-    if (medium_) medium_->advance(bus_time_ = std::max(bus_time_, clock_.now()));
+    send_queued();
     write_rows_until(clock_.now() - kRowDelayPeriods * record_period_);
     if (runtime::stop_requested()) outcome = {RunOutcome::Kind::kInterrupted, "interrupted", {}, 0};
     if (const std::string lost = find_lost(); !lost.empty()) {
@@ -135,7 +135,7 @@ void WallClockRelay::read_messages(std::size_t number) {
     if (status != link::ReceiveStatus::kMessage) return;
     party.heard_of = runtime::read_monotonic();
     if (const auto carried = runtime::read_frame(message)) {
-      medium_ ? queue(number, *carried) : carry(number, *carried);
+      medium_ ? sent_.push_back({number, *carried}) : carry(number, *carried);
       continue;
     }
     if (take_lateness(party, message)) continue;
@@ -213,7 +213,7 @@ void WallClockRelay::exchange_with_outside() {
   if (!std::exchange(outside_has_sent_, true))
     observer_->on_event(kTapSender, make_outside_event(std::max(clock_.now(), Instant{})));
   for (const can::CanFrame& frame : from_outside_) {
-    medium_ ? queue(kTapSender, {now, 0, frame}) : carry(kTapSender, {now, 0, frame});
+    medium_ ? sent_.push_back({kTapSender, {now, 0, frame}}) : carry(kTapSender, {now, 0, frame});
   }
 }
 
@@ -243,16 +243,23 @@ void WallClockRelay::show(const can::StampedFrame& frame, std::size_t sender) {
   if (outside_ != nullptr) outside_->show(frame, sender);
 }
 
-/// Puts a frame on the bit-timed bus at the instant of its sending, or as soon after that as the bus has come.
-void WallClockRelay::queue(std::size_t sender, const runtime::CarriedFrame& carried) {
-  const Instant sent_at = clock_.to_instant(carried.at_monotonic);
-  if (sent_at > bus_time_) medium_->advance(bus_time_ = sent_at);
-  const bool is_member = sender < parties_.size() && !parties_[sender].is_outsider;
-  if (is_member) {
-    medium_->send(bus_time_, sender, carried.node, carried.frame);
-  } else {
-    medium_->send_from_outside(bus_time_, carried.frame);
+/// Puts what was sent on the bit-timed bus, in the order of sending, and lets the bus go on to now. A frame that was
+/// read too late enters as soon as the bus has come.
+void WallClockRelay::send_queued() {
+  if (!medium_) return;
+  std::ranges::stable_sort(sent_, {}, [](const Sent& sent) { return sent.carried.at_monotonic; });
+  for (const auto& [sender, carried] : sent_) {
+    const Instant sent_at = clock_.to_instant(carried.at_monotonic);
+    if (sent_at > bus_time_) medium_->advance(bus_time_ = sent_at);
+    const bool is_member = sender < parties_.size() && !parties_[sender].is_outsider;
+    if (is_member) {
+      medium_->send(bus_time_, sender, carried.node, carried.frame);
+    } else {
+      medium_->send_from_outside(bus_time_, carried.frame);
+    }
   }
+  sent_.clear();
+  medium_->advance(bus_time_ = std::max(bus_time_, clock_.now()));
 }
 
 void WallClockRelay::give(const can::StampedFrame& frame, std::uint64_t heard_by) {

@@ -46,6 +46,11 @@ class WallClockRelay final : private MediumListener {
     Instant at;
     std::vector<double> values;
   };
+  /// A frame that was sent, to be put on the bit-timed bus.
+  struct Sent {
+    std::size_t sender = 0;
+    runtime::CarriedFrame carried;
+  };
   struct Party {
     Joined* joined = nullptr;
     std::size_t first_signal = 0;
@@ -69,7 +74,7 @@ class WallClockRelay final : private MediumListener {
   void exchange_with_outside();
   [[nodiscard]] bool all_have_room() const;
   void carry(std::size_t sender, const runtime::CarriedFrame& carried);
-  void queue(std::size_t sender, const runtime::CarriedFrame& carried);
+  void send_queued();
   void show(const can::StampedFrame& frame, std::size_t sender);
   void give(const can::StampedFrame& frame, std::uint64_t heard_by);
   void tell_nodes(std::size_t number);
@@ -90,6 +95,7 @@ class WallClockRelay final : private MediumListener {
   std::vector<link::ReceivedFrame> from_adapter_;
   std::unique_ptr<BitTimedMedium> medium_;  ///< Null: frames cross at once.
   Instant bus_time_{};                      ///< To which it has been advanced.
+  std::vector<Sent> sent_;                  ///< Since then.
   std::vector<can::CanFrame> from_outside_;
   bool outside_has_sent_ = false;
   bool outside_has_more_ = false;  ///< As many came at once as may.
