@@ -164,7 +164,10 @@ FrameMeaning BusView::meaning_of(const can::CanFrame& frame) const {
   if (frame.id == canopen::cob_id::kSync) return {Service::kSync, 0, 0};
   if (const PdoPlace* place = find_pdo(frame)) {
     const bool is_sent = place->direction == canopen::PdoDirection::kTransmit;
-    return {is_sent ? Service::kTpdo : Service::kRpdo, place->node->id, static_cast<std::uint8_t>(place->pdo->number)};
+    const canopen::Pdo& pdo = *place->pdo;
+    const bool is_cyclic = is_sent && ((pdo.is_synchronous() && pdo.type > 0) || pdo.event_time > Nanos{0});
+    return {is_sent ? Service::kTpdo : Service::kRpdo, place->node->id, static_cast<std::uint8_t>(pdo.number),
+            is_cyclic};
   }
   if ((frame.id & kFunctionMask) == canopen::cob_id::kSync) return {Service::kEmcy, node, 0};
   const Service service = to_service(frame.id);

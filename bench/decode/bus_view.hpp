@@ -32,6 +32,7 @@ struct FrameMeaning {
   Service service = Service::kOther;
   std::uint8_t node = 0;    ///< Board that it is of or for; 0: none of the rig's.
   std::uint8_t number = 0;  ///< Of a PDO, from 1.
+  bool is_cyclic = false;   ///< A TPDO that is due with every n-th SYNC, or after its event time at the latest.
 };
 
 /// A listener on the bus of a rig. It knows the boards by their EDS files, and follows what the master changes in their

@@ -4,6 +4,7 @@
 #include <linux/can/error.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "protocols/can/frame_length.hpp"
 #include "protocols/canopen/emcy.hpp"
@@ -14,6 +15,8 @@ namespace {
 constexpr double kGapPeriods = 2.5;           // As consumers of heartbeats usually wait.
 constexpr Nanos kRow = 1s;                    // Equal things closer than this are one finding.
 constexpr Nanos kSetPointRow = 500ms;         // Changes of a set point closer than this are one finding.
+constexpr double kSmallChange = 0.02;         // Of the value: a loop at work,
+constexpr Nanos kSmallChangeRow = 10s;        // whose changes may be so far apart.
 constexpr Nanos kResetTakes = 2s;             // A boot-up so soon after the master's reset is its effect.
 constexpr Nanos kAnswerWithin = 1s;           // An SDO server that has not answered by then does not.
 constexpr std::size_t kMaxSeconds = 1 << 22;  // Of load: 48 days.
@@ -109,7 +112,8 @@ void Story::take(Instant at, const can::CanFrame& frame) {
       return on_emcy(meaning, frame);
     case Service::kTpdo:
       on_measurements(meaning, frame);
-      return follow_cycle(meaning, frame.id);
+      if (meaning.is_cyclic) follow_cycle(meaning, frame.id);
+      return;
     case Service::kRpdo:
       return on_set_points(meaning, frame);
     case Service::kSdoRequest:
@@ -255,7 +259,8 @@ void Story::on_set_points(const FrameMeaning& meaning, const can::CanFrame& fram
     known.last = value.value;
     if (known.finding != kNone) {
       Finding& row = findings_[known.finding];
-      if (now_ - *row.until <= kSetPointRow) {
+      const bool is_small = std::abs(value.value - before) <= kSmallChange * std::abs(before);
+      if (now_ - *row.until <= (is_small ? kSmallChangeRow : kSetPointRow)) {
         ++row.count;
         row.until = now_;
         row.after = value.value;
@@ -359,7 +364,12 @@ void Story::forget_cycles(std::uint8_t node, bool with_heartbeat) {
 }
 
 void Story::on_unknown(const can::CanFrame& frame) {
-  const auto [place, is_first] = unknown_.try_emplace(frame.id | (frame.extended ? 0x8000'0000U : 0U), kNone);
+  const std::uint32_t key = frame.id | (frame.extended ? 0x8000'0000U : 0U);
+  if (unknown_.size() >= kMaxFindings && !unknown_.contains(key)) {  // Nonsense; memory has its bounds.
+    ++left_out_;
+    return;
+  }
+  const auto [place, is_first] = unknown_.try_emplace(key, kNone);
   if (place->second != kNone && now_ - *findings_[place->second].until <= kRow) {
     ++findings_[place->second].count;
     findings_[place->second].until = now_;

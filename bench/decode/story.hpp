@@ -49,7 +49,7 @@ struct Finding {
 struct Load {
   std::vector<float> per_second;  ///< Share 0..1 of every second, stuff bits and pauses between frames counted; the
                                   ///< last one only if the log has half of it.
-  double mean = 0.0;  ///< Over the time of the log.
+  double mean = 0.0;              ///< Over the time of the log.
 };
 
 /// Listens to a bus and tells what a person would want to know of it. Nothing is known beforehand but the rig's boards:

@@ -127,6 +127,13 @@ TEST_CASE("answers to a SYNC that does not come are not missed", "[decode]") {
   CHECK_THAT(gaps[0].text, Contains("SYNC lost"));
 }
 
+TEST_CASE("a report that comes when something changes is not missed when nothing does", "[decode]") {
+  Bus bus;
+  bus.repeat(0s, 1s, 10ms, "186#3702");  // Statusword of the drive, event-driven.
+  bus.repeat(0s, 5s, 100ms, "706#05");
+  CHECK(bus.findings(FindingKind::kGap).empty());
+}
+
 TEST_CASE("a boot-up is told apart by whether the master has asked for it", "[decode]") {
   Bus bus;
   bus.say(0s, "000#8200");
@@ -186,6 +193,17 @@ TEST_CASE("a set point that moves in every cycle is one finding, with where from
   CHECK(moves[0].until == kStart + 20ms);
   CHECK(moves[1].at == kStart + 2s);
   CHECK_THAT(moves[1].text, Contains("to feeder") && Contains("2 -> 3"));
+}
+
+TEST_CASE("a loop at work is one finding, however seldom it changes its set point a little", "[decode]") {
+  Bus bus;
+  for (int i = 0; i < 5; ++i) {
+    can::CanFrame frame = can::parse_candump("205#00000000").value();
+    const float value = 1.0F + 0.01F * static_cast<float>(i);
+    canopen::store(std::span{frame.bytes}, 0, value);
+    bus.say(i * 3s, frame);
+  }
+  CHECK(bus.findings(FindingKind::kSetPoint).size() == 1);
 }
 
 TEST_CASE("a measurement that its board calls invalid is told until it is valid again", "[decode]") {
