@@ -51,6 +51,8 @@ void read_messages(std::span<const std::uint8_t> bytes) {
   std::vector<Event> events;
   (void)runtime::read_report(bytes, events, signals);
   (void)runtime::read_frame(bytes);
+  std::vector<can::ErrorState> states;
+  (void)runtime::read_node_states(bytes, states);
   (void)runtime::read_serial_piece(bytes);
 }
 

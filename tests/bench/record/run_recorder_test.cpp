@@ -114,6 +114,38 @@ TEST_CASE("Run folder: what was recorded is read back to the last bit", "[record
   CHECK(read.events[0].event.at == Instant{1500ms});
 }
 
+TEST_CASE("Run folder: what a bit-timed bus has counted is read back", "[record]") {
+  const test::TemporaryFolder scratch;
+  BusTiming timing;
+  timing.load = 0.1018902;
+  timing.responses.push_back({0x185, false, "feeder", 5992, 6e-6, 7e-6, 0.000242, 0.000644});
+  timing.responses.push_back({0x12345678, true, "stranger", 1, 0, 0, 1e-3, std::nullopt});
+  NodeTiming node;
+  node.name = "feeder";
+  node.state = "error-passive";
+  node.tec = 128;
+  node.arbit_lost = 60;
+  node.re_started = 2;
+  timing.nodes.push_back(node);
+  RunRecorder recorder{make_info(), make_signals(), scratch.path()};
+  recorder.bus_timing(timing);
+  static_cast<void>(recorder.finish({}));
+  const Recording read = load_recording(scratch.path());
+  REQUIRE(read.bus_timing);
+  CHECK(read.bus_timing->load == timing.load);
+  REQUIRE(read.bus_timing->responses.size() == 2);
+  CHECK(read.bus_timing->responses[0].node == "feeder");
+  CHECK(read.bus_timing->responses[0].worst_response_s == 0.000242);
+  CHECK(read.bus_timing->responses[0].bound_s == std::optional{0.000644});
+  CHECK_FALSE(read.bus_timing->responses[1].bound_s);
+  CHECK(read.bus_timing->responses[1].extended);
+  REQUIRE(read.bus_timing->nodes.size() == 1);
+  CHECK(read.bus_timing->nodes[0].state == "error-passive");
+  CHECK(read.bus_timing->nodes[0].tec == 128);
+  CHECK(read.bus_timing->nodes[0].arbit_lost == 60);
+  CHECK(read.bus_timing->nodes[0].re_started == 2);
+}
+
 TEST_CASE("Run folder: two equal runs leave equal bytes", "[record]") {
   const test::TemporaryFolder first;
   const test::TemporaryFolder second;
