@@ -3,7 +3,7 @@
 # `steps`. Status 0 passed, 77 skipped (last line printed: why).
 set -u
 export KERNEL="$PROJECT/tests/kernel" PATH="$BIN:$PATH"
-step_limit_s=400  # of guest time
+step_limit_s=600  # of guest time
 
 seconds() { cut -d ' ' -f 1 /proc/uptime; }
 
