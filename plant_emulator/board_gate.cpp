@@ -37,6 +37,13 @@ void BoardGate::power_up(Instant now, canopen::Frames& out) {
   filter(now, from, out);
 }
 
+void BoardGate::wake_up(Instant now, canopen::Frames& out) {
+  watchdog_at_ = Instant::never();
+  board_.hang(false);
+  process_.freeze(kind_, false);
+  power_up(now, out);
+}
+
 void BoardGate::begin(std::size_t number, const Fault& fault, Instant now, canopen::Frames& out) {
   if (fault.kind() == Kind::kReboot) return power_up(now, out);
   faults_.push_back({number, fault});
@@ -45,6 +52,7 @@ void BoardGate::begin(std::size_t number, const Fault& fault, Instant now, canop
       return process_.cut_power(kind_);
     case Kind::kHang:
       board_.hang(true);
+      if (const double ms = fault.value("watchdog_ms"); ms > 0) watchdog_at_ = now + nanos_from_ms(ms);
       return process_.freeze(kind_, true);
     case Kind::kWrongIdentity:
       return power_up(now, out);
@@ -69,9 +77,7 @@ void BoardGate::end(std::size_t number, Instant now, canopen::Frames& out) {
       process_.restore_power(kind_);
       return power_up(now, out);
     case Kind::kHang:
-      board_.hang(false);
-      process_.freeze(kind_, false);
-      return power_up(now, out);
+      return wake_up(now, out);
     case Kind::kWrongIdentity:
       return power_up(now, out);
     case Kind::kEmcyStorm:
@@ -95,6 +101,10 @@ void BoardGate::on_time(Instant now, canopen::Frames& out) {
     late_.pop_front();
   }
   storm(now, out);
+  if (watchdog_at_ <= now) {
+    std::erase_if(faults_, [](const Active& one) { return one.fault.kind() == Kind::kHang; });
+    wake_up(now, out);
+  }
   if (board_.next_deadline() > now) return;
   const std::size_t from = out.size();
   board_.on_time(now, out);
@@ -102,7 +112,7 @@ void BoardGate::on_time(Instant now, canopen::Frames& out) {
 }
 
 Instant BoardGate::next_deadline() const {
-  const Instant next = std::min(board_.next_deadline(), next_storm_);
+  const Instant next = std::min({board_.next_deadline(), next_storm_, watchdog_at_});
   return late_.empty() ? next : std::min(next, late_.front().due);
 }
 

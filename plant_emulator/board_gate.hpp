@@ -53,6 +53,7 @@ class BoardGate {
   /// What has been sent since `from` goes through the faults.
   void filter(Instant now, std::size_t from, canopen::Frames& out);
   [[nodiscard]] bool is_swallowed(can::CanFrame& frame) const;
+  void wake_up(Instant now, canopen::Frames& out);
   void storm(Instant now, canopen::Frames& out);
 
   board::Board& board_;
@@ -61,6 +62,7 @@ class BoardGate {
   std::vector<Active> faults_;
   std::deque<Late> late_;
   Instant next_storm_ = Instant::never();
+  Instant watchdog_at_ = Instant::never();  // Of a board that hangs.
 };
 
 }  // namespace meltbench::emulator

@@ -58,6 +58,7 @@ class ProcessFaults final : public board::Process {
   void set_inlet(const plant::MeltInlet& inlet) override;
   [[nodiscard]] plant::InletFlux inlet_flux() const override { return plant_.inlet_flux(); }
   void set_heater(std::size_t channel, double share) override;
+  void set_heater_supply(bool closed) override;
   [[nodiscard]] double fed_kg_per_s(double asked_kg_per_s) const override;
   [[nodiscard]] bool is_hopper_empty() const override { return hopper_empty_; }
 
@@ -124,6 +125,7 @@ class ProcessFaults final : public board::Process {
   std::array<bool, kActuators> powered_{true, true, true, true, true, true, true, true};
   std::array<bool, kActuators> frozen_{};
   std::optional<plant::MeltInlet> inlet_asked_;
+  bool heater_supply_ = true;
   bool hopper_empty_ = false;
   double encoder_lost_rev_ = 0.0;  // Turns that a stuck encoder has not counted.
   double encoder_held_rev_ = 0.0;

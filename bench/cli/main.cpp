@@ -17,6 +17,7 @@
 #include "bench/cli/report_command.hpp"
 #include "bench/cli/run_command.hpp"
 #include "bench/cli/show_command.hpp"
+#include "bench/cli/torture_command.hpp"
 #include "bench/cli/version.hpp"
 #include "bench/log/log_error.hpp"
 #include "bench/record/load_recording.hpp"
@@ -53,6 +54,7 @@ struct Words {
   cli::ShowRequest show;
   cli::ExtractRequest extract;
   cli::RecordRequest record;
+  cli::TortureRequest torture;
   std::filesystem::path from;
   std::filesystem::path to;
   cli::Examination examination;
@@ -98,6 +100,17 @@ CLI::App* add_run_command(CLI::App& app, Words& words) {
       "Exit status: 0 all checks held, 1 a check failed, 2 bad usage or file, 3 a process or link was lost\n"
       "Example: meltbench run fixtures/scenarios/delay_compensation.toml --out first");
   return run;
+}
+
+void add_torture_command(CLI::App& app, cli::TortureRequest& request) {
+  CLI::App* torture = app.add_subcommand("torture", "Run scenarios with faults by chance, many times, in memory");
+  torture->add_option("scenario", request.scenarios, "Machines and durations; seeds take turns among them")->required();
+  torture->add_option("--seeds", request.seeds, "N or FIRST..LAST")->default_str("1..100");
+  torture->add_option("--out", request.out, "Folder for the scenarios of failed seeds")->default_str("meltbench-out");
+  torture->add_option("--jobs", request.jobs, "Threads  (default: one per processor)");
+  torture->footer(
+      "Exit status: 0 nothing failed, 1 a seed failed, 2 bad usage or file\n"
+      "Example: meltbench torture fixtures/torture/*.toml --seeds 1..10000");
 }
 
 void add_replay_command(CLI::App& app, cli::ReplayRequest& request) {
@@ -217,6 +230,10 @@ ExitStatus dispatch(CLI::App& app, Words& words) {
   }
   if (app.got_subcommand("report")) return cli::make_report(words.folders, words.page);
   if (app.got_subcommand("check")) return cli::check_again(words.folders, words.scenario);
+  if (app.got_subcommand("torture")) {
+    if (words.torture.out.empty()) words.torture.out = "meltbench-out";
+    return cli::torture(words.torture);
+  }
   if (app.got_subcommand("replay")) return cli::replay_log(words.replay);
   if (app.got_subcommand("record")) return cli::record_log(words.record);
   if (app.got_subcommand("extract")) return cli::extract_scenario(words.extract);
@@ -254,6 +271,7 @@ int main(int argc, char** argv) {
   add_record_command(app, words.record);
   add_show_command(app, words.show);
   add_extract_command(app, words.extract);
+  add_torture_command(app, words.torture);
   try {
     app.parse(argc, argv);
     return static_cast<int>(dispatch(app, words));

@@ -234,6 +234,13 @@ std::vector<ResolvedRun> load(const std::filesystem::path& file) {
   return runs;
 }
 
+ResolvedRun extend(const ResolvedRun& run, const Array& events, const Array& faults) {
+  Table tree = run.root.table();
+  append_items(tree, "event", events, run.root.origin());
+  append_items(tree, "fault", faults, run.root.origin());
+  return resolve(run, std::move(tree));
+}
+
 std::string write_repro(const ResolvedRun& run, std::string_view program) {
   Table about;
   const auto set = [&about](std::string_view key, auto value) { about.set(key, Value{std::move(value), {}}); };

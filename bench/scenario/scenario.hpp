@@ -7,7 +7,8 @@
 ///   [[event]]   at_s, target, action, and what the action needs
 ///   [[fault]]   what fails, when and for how long, read by protocols/fault
 ///   [[check]]   what must hold, read by bench/check; variants = ["a", "b"] restricts it to some variants
-///   [[variant]] name, title, and any of the tables above for this variant only; its events, faults and checks are added
+///   [[variant]] name, title, and any of the tables above for this variant only; its events, faults and checks are
+///   added
 
 #include <cstdint>
 #include <filesystem>
@@ -47,6 +48,10 @@ struct ResolvedRun {
 /// @returns one run per [[variant]] in the order of the file, or exactly one.
 /// @throws config::ConfigError
 [[nodiscard]] std::vector<ResolvedRun> load(const std::filesystem::path& file);
+
+/// The same run with these events and faults added, as if its file had them.
+/// @throws config::ConfigError
+[[nodiscard]] ResolvedRun extend(const ResolvedRun& run, const config::Array& events, const config::Array& faults);
 
 /// The TOML text that repeats this run from anywhere: load() accepts it and gives one equal run, and it is the file
 /// that the emulator and the controller get.

@@ -70,10 +70,13 @@ std::optional<Trouble> BusManager::take_trouble() {
 
 void BusManager::start(Instant now, Outbox& out) {
   phase_ = Phase::kBooting;
+  heartbeats_ = {};
+  troubles_.clear();
+  sync_timer_.stop();
   heartbeat_timer_.start(now + heartbeat_, heartbeat_);
   out.send(canopen::make_heartbeat(node_id_, canopen::NmtState::kInitialising));
   out.send(canopen::make_nmt_command(canopen::NmtCommand::kResetCommunication, 0));
-  for (NodeBoot& boot : boots_) boot.begin(now);
+  for (NodeBoot& boot : boots_) boot.begin(now, out.frame_queue());
 }
 
 bool BusManager::on_time(Instant now, bool others_ready, Outbox& out) {
@@ -199,7 +202,9 @@ void BusManager::on_emcy(Instant now, const canopen::ReceivedEmcy& received, Out
                                  canopen::emcy_text(code), received.emcy.error_register);
   const bool own_watchdog = code == kEmcyNoSetPoints && has_set_point_watchdog(boards_[i].kind);
   const bool not_tuned = code == kEmcyAutotune && boards_[i].kind == config::BoardKind::kHeater;
-  if (own_watchdog || not_tuned || safety::is_survivable_emcy(code) || phase_ != Phase::kUp) {
+  if (code == kEmcyHopperEmpty && boards_[i].kind == config::BoardKind::kFeeder) {
+    complain("feeder-empty", what + "; the hopper is empty");
+  } else if (own_watchdog || not_tuned || safety::is_survivable_emcy(code) || phase_ != Phase::kUp) {
     out.report(Severity::kWarning, now, "emcy", std::move(what));
   } else {
     complain("emcy", std::move(what));

@@ -30,7 +30,7 @@ class BusManager {
   /// @param safe_flow_kg_per_h  the feeder's, on loss of master.
   BusManager(const ControllerSettings& settings, double safe_flow_kg_per_h);
 
-  /// Resets all boards and begins to boot them.
+  /// Resets all boards and begins to boot them; also once more, after a fault.
   void start(Instant now, Outbox& out);
   /// Whatever is no sample of a board: EMCY, SDO, boot-up and heartbeat.
   void on_frame(Instant now, const can::CanFrame& frame, Outbox& out);

@@ -31,6 +31,8 @@ std::string_view text(ControllerState state) {
       return "safe";
     case ControllerState::kFault:
       return "fault";
+    case ControllerState::kHolding:
+      return "holding";
   }
   return "?";
 }
@@ -68,6 +70,7 @@ void Controller::make_lines() {
 
 void Controller::wake(const Wakeup& in, Outbox& out) {
   on_link(in.now, in.link, out);
+  on_node(in.now, in.nodes.empty() ? can::ErrorState::kActive : in.nodes.front(), out);
   on_lines(in.now, in.lines, out);
   if (state_ == ControllerState::kOff) {
     // What has come until now is older than the reset, and would only mislead.
@@ -93,8 +96,8 @@ void Controller::wake(const Wakeup& in, Outbox& out) {
 Instant Controller::next_deadline() const {
   Instant next = std::min(bus_.next_deadline(), cycle_deadline_);
   for (const SerialMaster& master : masters_) next = std::min(next, master.next_deadline());
-  if (!is_up()) return next;
-  if (feed_) next = std::min(next, feed_->next_set_point());
+  if (!is_up() && state_ != ControllerState::kFault) return next;
+  if (feed_ && is_up()) next = std::min(next, feed_->next_set_point());
   if (next_order_ < settings_.orders.size()) next = std::min(next, settings_.orders[next_order_].at);
   return next;
 }
@@ -105,6 +108,11 @@ void Controller::begin(Instant now, Outbox& out) {
   if (melt_) melt_->connect(bus_);
   if (zones_) zones_->release(!sequence_);
   state_ = ControllerState::kReady;
+  if (restarted_) {
+    screw_.resume();
+    if (feed_) feed_->start_from_feed();
+    if (sequence_) static_cast<void>(sequence_->obey(now, SequenceOrder::kStart));
+  }
   std::string laws;
   if (feed_) laws += ", law " + settings_.law;
   if (melt_) laws += ", melt law " + settings_.melt->law;
@@ -127,6 +135,30 @@ void Controller::on_link(Instant now, LinkState link, Outbox& out) {
 
 bool Controller::are_units_configured() const {
   return std::all_of(units_.begin(), units_.end(), [](const SerialUnit* unit) { return unit->is_configured(); });
+}
+
+void Controller::on_node(Instant now, can::ErrorState state, Outbox& out) {
+  constexpr Nanos kMaxPassive = 1s;  // Who is passive for longer does not get over it by itself.
+  if (state != std::exchange(node_state_, state)) {
+    node_state_since_ = now;
+    if (state == can::ErrorState::kActive) {
+      out.report(Severity::kInfo, now, "bus-active", "the CAN controller is error-active again");
+    } else if (state == can::ErrorState::kBusOff) {
+      trip(now, "bus-off",
+           "the CAN controller is bus-off: its frames were destroyed again and again; look at cable, "
+           "termination and bit rate",
+           out);
+    } else {
+      out.report(Severity::kWarning, now, "bus-warning", "the CAN controller is error-passive");
+    }
+  }
+  if (state == can::ErrorState::kPassive && is_controlling() && now - node_state_since_ > kMaxPassive) {
+    trip(now, "bus-passive",
+         fmt::format("the CAN controller has been error-passive for {:.3g} s; look at cable, "
+                     "termination and who else is on the bus",
+                     to_s(kMaxPassive)),
+         out);
+  }
 }
 
 void Controller::on_lines(Instant now, std::span<const LinkState> lines, Outbox& out) {
@@ -177,8 +209,8 @@ void Controller::handle_troubles(Instant now, Outbox& out) {
 // --- timeline
 
 void Controller::run_timeline(Instant now, Outbox& out) {
-  if (!is_up()) return;
-  if (feed_ && feed_->run_set_points(now)) {
+  if (!is_up() && state_ != ControllerState::kFault) return;
+  if (feed_ && is_up() && feed_->run_set_points(now)) {
     tell_safe_flow(now, out);
     out.report(Severity::kInfo, now, "set-point",
                fmt::format("filled length to hold is now {:.4g} m", feed_->set_point_m()));
@@ -188,7 +220,26 @@ void Controller::run_timeline(Instant now, Outbox& out) {
   }
 }
 
+/// Boots everything anew, after somebody has looked at what was wrong.
+void Controller::restart(Instant now, Outbox& out) {
+  out.report(Severity::kInfo, now, "restart", fmt::format("started again from {}", text(state_)));
+  state_ = ControllerState::kBooting;
+  restarted_ = true;
+  cycle_deadline_ = Instant::never();
+  if (sequence_) sequence_.emplace(*settings_.sequence);
+  bus_.start(now, out);
+}
+
+void Controller::refuse_order(Instant now, Outbox& out) const {
+  const std::string where = sequence_ ? fmt::format("phase {} of the sequence, ", text(sequence_->phase())) : "";
+  out.report(Severity::kWarning, now, "order-refused",
+             fmt::format("order comes in {}state {}: it means nothing there", where, text(state_)));
+}
+
 void Controller::obey(Instant now, const Order& order, Outbox& out) {
+  const bool starts = order.kind == Order::Kind::kSequence && order.order == SequenceOrder::kStart;
+  if (starts && (state_ == ControllerState::kSafe || state_ == ControllerState::kFault)) return restart(now, out);
+  if (!is_up()) return refuse_order(now, out);
   switch (order.kind) {
     case Order::Kind::kFrontSetPoint:
       melt_->set_front(order.value);
@@ -215,10 +266,8 @@ void Controller::obey(Instant now, const Order& order, Outbox& out) {
                                     material.T_barrel_degC, material.front_set_m));
     }
     case Order::Kind::kSequence:
-      if (!is_controlling() || !sequence_->obey(now, order.order)) {
-        out.report(Severity::kWarning, now, "order-refused",
-                   fmt::format("order comes in phase {} of the sequence, state {}: it means nothing there",
-                               text(sequence_->phase()), text(state_)));
+      if (!is_controlling() || !sequence_ || !sequence_->obey(now, order.order)) {
+        refuse_order(now, out);
       } else {
         out.report(Severity::kInfo, now, "sequence", fmt::format("now {}", text(sequence_->phase())));
       }
@@ -307,6 +356,10 @@ void Controller::control(Instant now, Outbox& out) {
     }
     out.report(Severity::kInfo, now, "running", what.empty() ? "the sequence has begun" : std::move(what));
   }
+  if (state_ != ControllerState::kReady) {
+    const bool holds = sequence_ && sequence_->phase() == SequencePhase::kHolding;
+    state_ = holds ? ControllerState::kHolding : ControllerState::kRunning;
+  }
   control_feed(now, out);
   if (is_controlling()) control_melt(now, out);
   if (!is_controlling()) return;
@@ -321,10 +374,12 @@ void Controller::control(Instant now, Outbox& out) {
 std::optional<Trouble> Controller::judge(Instant now) {
   if (feed_) {
     safety::Observation seen = feed_->observe(now, bus_.ready_at());
+    if (const auto since = screw_.wrong_since()) seen.wrong_speed_time = now - *since;
     if (demand().feed != FeedMode::kLaw) {
       // A screw that stands or fills has no pressure to measure.
       seen.implausible_time = {};
       seen.pressure_age = {};
+      seen.disagreement_time = {};
       seen.filled_length_m.reset();
     }
     const safety::Trip why = safety::judge(settings_.limits, seen);
@@ -334,9 +389,10 @@ std::optional<Trouble> Controller::judge(Instant now) {
   } else {
     safety::Observation seen;
     seen.screw_age = now - std::max(screw_.measured_at(), bus_.ready_at());
-    if (seen.screw_age > settings_.limits.max_age) {
-      return Trouble{safety::code_of(safety::Trip::kScrewStale),
-                     safety::describe(safety::Trip::kScrewStale, settings_.limits, seen)};
+    if (const auto since = screw_.wrong_since()) seen.wrong_speed_time = now - *since;
+    const safety::Trip why = safety::judge(settings_.limits, seen);
+    if (why != safety::Trip::kNone) {
+      return Trouble{safety::code_of(why), safety::describe(why, settings_.limits, seen)};
     }
   }
   if (melt_ && !sequence_ && !melt_->is_ready() && now - bus_.ready_at() > settings_.limits.max_age) {
@@ -417,7 +473,8 @@ bool Controller::is_up() const {
 }
 
 bool Controller::is_controlling() const {
-  return state_ == ControllerState::kReady || state_ == ControllerState::kRunning;
+  return state_ == ControllerState::kReady || state_ == ControllerState::kRunning ||
+         state_ == ControllerState::kHolding;
 }
 
 // --- the recording

@@ -26,12 +26,16 @@ namespace meltbench::machine {
 /// | booting | reset, checked, configured by SDO        | the boards' own                                |
 /// | ready   | Operational, SYNC runs                   | feeder's own; inlet flux off; zones as asked   |
 /// | running | Operational                              | asked for by the laws at every SYNC            |
+/// | holding | Operational                              | the same, at the hold speed of the sequence    |
 /// | safe    | Operational as far as they are alive     | safe feed; heaters and inlet flux off; screw as configured |
 /// | fault   | did not all boot: Pre-operational        | the boards' own                                |
 ///
-/// With a sequence, "running" is every phase of it but cold, and the phase says what runs.
-/// Safe and fault last until the controller is started again: who comes back first is not known to be well.
-enum class ControllerState : std::uint8_t { kOff, kBooting, kReady, kRunning, kSafe, kFault };
+/// off -> booting -> ready -> running <-> holding; from ready, running and holding any doubt leads to safe; a boot that
+/// does not come to its end leads to fault. Out of safe and fault leads the order "start" alone, to booting: all boards
+/// are checked and configured anew, for who comes back first is not known to be well.
+/// With a sequence, "running" is every phase of it but cold and holding, and the phase says what runs; it then begins
+/// from the start.
+enum class ControllerState : std::uint8_t { kOff, kBooting, kReady, kRunning, kSafe, kFault, kHolding };
 [[nodiscard]] std::string_view text(ControllerState state);
 
 /// Boots the boards, produces SYNC and heartbeat, and at every SYNC turns what the boards measured into set points. It
@@ -42,8 +46,8 @@ enum class ControllerState : std::uint8_t { kOff, kBooting, kReady, kRunning, kS
 /// the laws go on from what is known, by its time stamp. Only what stays away longer than the limits trips.
 ///
 /// Whatever trips is reported once as a fault with a stable code: those of BusManager, those of SerialUnit,
-/// link-down, line-down, law-refused, zone-stale, sequence-overdue, and those of safety::code_of(). Real time: a cycle
-/// allocates nothing but for events.
+/// link-down, line-down, bus-off, bus-passive, law-refused, zone-stale, sequence-overdue, and those of
+/// safety::code_of(). Real time: a cycle allocates nothing but for events.
 class Controller final : public Participant {
  public:
   /// @throws std::invalid_argument if a law cannot be made from the settings.
@@ -59,6 +63,9 @@ class Controller final : public Participant {
 
  private:
   void on_link(Instant now, LinkState link, Outbox& out);
+  void on_node(Instant now, can::ErrorState state, Outbox& out);
+  void restart(Instant now, Outbox& out);
+  void refuse_order(Instant now, Outbox& out) const;
   void on_lines(Instant now, std::span<const LinkState> lines, Outbox& out);
   void on_serial(Instant now, const SerialArrival& arrival, Outbox& out);
   void run_lines(Instant now, Outbox& out);
@@ -97,6 +104,9 @@ class Controller final : public Participant {
   ControllerSettings settings_;
   ControllerState state_ = ControllerState::kOff;
   LinkState link_ = LinkState::kUp;
+  can::ErrorState node_state_ = can::ErrorState::kActive;
+  Instant node_state_since_;
+  bool restarted_ = false;
   std::optional<FeedControl> feed_;
   std::optional<MeltControl> melt_;
   std::optional<ZoneControl> zones_;

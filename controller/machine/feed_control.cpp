@@ -58,6 +58,8 @@ FeedControl::FeedControl(const ControllerSettings& settings)
 
 void FeedControl::connect(const BusManager& bus) {
   facts_ = collect_facts(settings_, bus, feeder_->facts(bus));
+  last_asked_kg_per_s_.reset();
+  unechoed_since_.reset();
   make_loop();
 }
 
@@ -100,10 +102,25 @@ unsigned FeedControl::close_cycle(const std::optional<ScrewSample>& screw) {
     loop_->note_viscosity(settings_.model.viscosity_Pa_s * std::exp(settings_.viscosity.per_K * colder_K));
   }
   if (screw) loop_->add(*screw);  // First: feed and pressure are placed by the screw's clock and speed.
-  if (feed) loop_->add(*feed);
+  if (feed) {
+    loop_->add(*feed);
+    check_echo(*feed);
+  }
   if (pressure_) loop_->add(*pressure_);
   pressure_.reset();
   return missed;
+}
+
+/// Whether the feeder does what it was asked, but for what is still under way: that is over after a moment.
+void FeedControl::check_echo(const FeedSample& sample) {
+  constexpr double kToleranceShare = 0.02;  // Of a full screw: quantised flow, and commands that change.
+  if (!last_asked_kg_per_s_) return;
+  const double full = settings_.model.feed_kg_per_s(1.0, settings_.model.speed_m_per_s);
+  if (std::abs(sample.flow_kg_per_s - *last_asked_kg_per_s_) <= kToleranceShare * full) {
+    unechoed_since_.reset();
+  } else if (!unechoed_since_) {
+    unechoed_since_ = sample.at;
+  }
 }
 
 safety::Observation FeedControl::observe(Instant now, Instant ready_at) const {
@@ -113,8 +130,10 @@ safety::Observation FeedControl::observe(Instant now, Instant ready_at) const {
   seen.screw_age = age(loop_->screw_at());
   seen.feed_age = age(loop_->feed_at());
   if (const auto since = loop_->implausible_since()) seen.implausible_time = now - *since;
+  if (const auto since = loop_->disagrees_since()) seen.disagreement_time = now - *since;
+  if (unechoed_since_) seen.unechoed_time = now - *unechoed_since_;
   if (loop_->is_pressure_good()) seen.pressure_Pa = loop_->pressure_Pa();
-  if (loop_->has_estimate()) seen.filled_length_m = loop_->x_m();
+  if (loop_->has_estimate()) seen.filled_length_m = loop_->newest_x_m();
   return seen;
 }
 
@@ -148,6 +167,7 @@ void FeedControl::go_safe(Instant now, Outbox& out) {
 
 void FeedControl::send_flow(Instant now, double flow_kg_per_s, Outbox& out) {
   command_.flow_kg_per_s = flow_kg_per_s;
+  last_asked_kg_per_s_ = flow_kg_per_s;
   feeder_->command(now, flow_kg_per_s, out);
   note_sent();
 }

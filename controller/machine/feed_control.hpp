@@ -51,6 +51,9 @@ class FeedControl {
     feeder_->set_safe_flow(now, safe_flow_kg_per_s(), bus, out);
   }
 
+  /// After a fault: the laws begin with what the feeder delivers, without a bump.
+  void start_from_feed() { loop_->start_from_feed(); }
+
   /// Another polymer is in the screw: model, and laws that begin anew.
   void set_material(const MaterialSettings& material);
   void start_empty() { loop_->start_empty(); }
@@ -71,6 +74,7 @@ class FeedControl {
  private:
   void make_loop();
   void send_flow(Instant now, double flow_kg_per_s, Outbox& out);
+  void check_echo(const FeedSample& sample);
 
   ControllerSettings settings_;
   std::vector<SetPoint> set_points_;
@@ -85,6 +89,8 @@ class FeedControl {
   double safe_speed_m_per_s_;
   bool safe_feeds_;
   bool history_warned_ = false;
+  std::optional<double> last_asked_kg_per_s_;
+  std::optional<Instant> unechoed_since_;
 };
 
 }  // namespace meltbench::machine

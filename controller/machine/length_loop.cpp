@@ -9,6 +9,12 @@ namespace meltbench::machine {
 
 namespace {
 
+constexpr double kBalanceGivesIn_m =
+    0.075;  // l_c of (E4): 5 s of travel at the nominal speed of the published machine.
+/// Conveyed in a cycle: beyond it the balance is too coarse to contradict a pressure. The published speed, 9 mm, is.
+constexpr double kFinestCycle_m = 1e-3;
+constexpr Nanos kFresh = 200ms;  // A pressure that is older corrects the balance no more.
+
 // Reports of this many limits' length can be missing before the controller trips.
 std::size_t calc_command_capacity(const ControllerSettings& settings, const BoardFacts& facts) {
   const Nanos span = settings.limits.max_age + facts.feeder_latency + facts.feeder_cycle;
@@ -32,21 +38,21 @@ law::DelayLawSettings make_law_settings(const ControllerSettings& settings, doub
 
 }  // namespace
 
-void SpeedRecord::add(Instant at, double c_m_per_s) {
+void SampleRecord::add(Instant at, double value) {
   if (!samples_.empty() && at <= samples_.back().at) return;
   if (samples_.full()) samples_.pop_front();
-  samples_.push_back({at, c_m_per_s});
+  samples_.push_back({at, value});
 }
 
-double SpeedRecord::at(Instant at) const {
-  if (samples_.size() < 2) return samples_.back().c_m_per_s;
+double SampleRecord::at(Instant at) const {
+  if (samples_.size() < 2) return samples_.back().value;
   std::size_t after = samples_.size() - 1;
   while (after > 1 && samples_[after - 1].at > at) --after;
   const Sample& left = samples_[after - 1];
   const Sample& right = samples_[after];
   const Instant within = std::clamp(at, left.at, samples_.back().at + kMaxLookahead);
-  const double slope = (right.c_m_per_s - left.c_m_per_s) / to_s(right.at - left.at);
-  return left.c_m_per_s + slope * to_s(within - left.at);
+  const double slope = (right.value - left.value) / to_s(right.at - left.at);
+  return left.value + slope * to_s(within - left.at);
 }
 
 LengthLoop::LengthLoop(const ControllerSettings& settings, const BoardFacts& facts)
@@ -56,6 +62,9 @@ LengthLoop::LengthLoop(const ControllerSettings& settings, const BoardFacts& fac
       time_stamped_{settings.time_stamped},
       law_starts_at_{settings.law_starts_at},
       speeds_{calc_speed_capacity(settings, facts)},
+      balance_{settings.model, kBalanceGivesIn_m},
+      balances_{calc_speed_capacity(settings, facts)},
+      max_disagreement_m_{settings.max_disagreement_m},
       feed_{facts.feeder_latency, facts.feeder_cycle, calc_command_capacity(settings, facts)} {
   for (const SetPoint& set_point : settings.set_points) {
     laws_.push_back(law::make_delay_law(settings.law, make_law_settings(settings, set_point.x_m)));
@@ -76,6 +85,9 @@ void LengthLoop::add(const ScrewSample& sample) {
   last_position_inc_ = sample.position_inc;
   clock_->add(sample.at, static_cast<double>(travelled_inc_) * facts_.metres_per_increment);
   screw_at_ = sample.at;
+  if (!balance_.has_started()) return;
+  balance_.advance(clock_->at(sample.at), sample.at - measured_at_ < kFresh ? x_m_ : balance_.x_m());
+  balances_.add(sample.at, balance_.x_m());
 }
 
 void LengthLoop::add(const FeedSample& sample) {
@@ -83,6 +95,8 @@ void LengthLoop::add(const FeedSample& sample) {
   if (!started_) return;
   for (const law::FeedInterval& interval : delivered) {
     for (const auto& law : laws_) law->add_feed(interval, *clock_);
+    const double capacity = model_.feed_kg_per_s(1.0, speeds_.at(interval.until));
+    balance_.add_feed(capacity > 0.0 ? interval.feed_kg_per_s / capacity : 0.0, clock_->at(interval.until));
   }
 }
 
@@ -106,9 +120,20 @@ void LengthLoop::add(const PressureSample& sample) {
     return;
   }
   implausible_since_.reset();
+  newest_x_m_ = estimate.x_m;
+  if (!fits_balance(at, estimate.x_m)) {
+    if (!disagrees_since_) disagrees_since_ = sample.sync_at;
+    return;
+  }
+  disagrees_since_.reset();
   x_m_ = estimate.x_m;
   measured_at_ = at;
   measured_ = true;
+}
+
+bool LengthLoop::fits_balance(Instant at, double x_m) const {
+  const bool coarse = model_.speed_m_per_s * to_s(sync_period_) > kFinestCycle_m;
+  return coarse || balances_.empty() || std::abs(x_m - balances_.at(at)) <= max_disagreement_m_;
 }
 
 bool LengthLoop::is_ready() const {
@@ -123,11 +148,13 @@ void LengthLoop::start_laws(double U) {
   start_U_ = U;
   for (const auto& law : laws_) law->start(*feed_.known_until(), start_U_, *clock_);
   started_ = true;
+  balance_.start(x_m_, start_U_, clock_->at(screw_at_));
+  disagrees_since_.reset();
 }
 
 LengthCommand LengthLoop::calc(Instant sync_at, Instant now) {
   // The feed up to now has kept the filled length where it is: the run starts in balance.
-  if (!started_) start_laws(model_.holding_ratio(x_m_));
+  if (!started_) start_laws(from_feed_ ? U_applied() : model_.holding_ratio(x_m_));
   const Instant effect_at = feed_.calc_effect(now);
   LengthCommand command{.U = start_U_, .P_m = x_m_};
   if (now >= law_starts_at_) {

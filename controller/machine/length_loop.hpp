@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "controller/estimator/length_model.hpp"
 #include "controller/law/delay_law.hpp"
 #include "controller/machine/feed_tracker.hpp"
 #include "controller/machine/settings.hpp"
@@ -37,12 +38,12 @@ struct PressureSample {
   bool good = false;         ///< By its status.
 };
 
-/// Speed of the screw over time, from time-stamped samples; linear in between.
-class SpeedRecord {
+/// Speed of the screw or a length over time, from time-stamped samples; linear in between.
+class SampleRecord {
  public:
-  explicit SpeedRecord(std::size_t samples) : samples_(samples) {}
+  explicit SampleRecord(std::size_t samples) : samples_(samples) {}
   /// Ignored if not newer than the newest.
-  void add(Instant at, double c_m_per_s);
+  void add(Instant at, double value);
   /// Before the oldest sample: as that one; after the newest: with its slope, for at most kMaxLookahead. @pre !empty().
   [[nodiscard]] double at(Instant at) const;
   [[nodiscard]] bool empty() const { return samples_.empty(); }
@@ -52,7 +53,7 @@ class SpeedRecord {
  private:
   struct Sample {
     Instant at;
-    double c_m_per_s = 0.0;
+    double value = 0.0;
   };
   law::Ring<Sample> samples_;
 };
@@ -85,6 +86,8 @@ class LengthLoop {
   void start_empty();
   /// The next calc() or start_empty() starts the laws anew.
   void stop() { started_ = false; }
+  /// The laws begin with what the feeder delivers now, as after a fault, and not with a balance.
+  void start_from_feed() { from_feed_ = true; }
 
   /// All three boards have been heard and a first estimate exists.
   [[nodiscard]] bool is_ready() const;
@@ -100,6 +103,7 @@ class LengthLoop {
 
   [[nodiscard]] bool has_estimate() const { return measured_; }
   [[nodiscard]] double x_m() const { return x_m_; }                       ///< Newest usable estimate.
+  [[nodiscard]] double newest_x_m() const { return newest_x_m_; }         ///< Whether it fits to what was fed or not.
   [[nodiscard]] Instant measured_at() const { return measured_at_; }      ///< Its time stamp.
   [[nodiscard]] double pressure_Pa() const { return pressure_Pa_; }       ///< Newest, usable or not.
   [[nodiscard]] bool is_pressure_good() const { return pressure_good_; }  ///< By its status.
@@ -109,9 +113,14 @@ class LengthLoop {
   [[nodiscard]] Instant feed_at() const { return feed_.known_until().value_or(Instant{}); }
   /// Since when pressures have come that cannot be used; nothing if the newest is good.
   [[nodiscard]] std::optional<Instant> implausible_since() const { return implausible_since_; }
+  /// Since when the pressure has not fitted to what was fed: such samples are not used. Nothing: it fits.
+  [[nodiscard]] std::optional<Instant> disagrees_since() const { return disagrees_since_; }
+  /// Filled length by the mass balance, (E4).
+  [[nodiscard]] double x_balance_m() const { return balance_.x_m(); }
 
  private:
   void start_laws(double U);
+  [[nodiscard]] bool fits_balance(Instant at, double x_m) const;
   [[nodiscard]] Instant time_stamp_of(const PressureSample& sample) const;
 
   law::BizoneModel model_;
@@ -122,22 +131,28 @@ class LengthLoop {
   std::vector<std::unique_ptr<law::DelayLaw>> laws_;  // One per set point.
   std::size_t selected_ = 0;
   bool started_ = false;
+  bool from_feed_ = false;
   double start_U_ = 0.0;
 
   std::optional<law::MaterialClock> clock_;
-  SpeedRecord speeds_;
+  SampleRecord speeds_;
+  estimator::LengthModel balance_;
+  SampleRecord balances_;
+  double max_disagreement_m_;
   FeedTracker feed_;
   std::int64_t travelled_inc_ = 0;
   std::int32_t last_position_inc_ = 0;
 
   double speed_m_per_s_ = 0.0;
   double x_m_ = 0.0;
+  double newest_x_m_ = 0.0;
   double pressure_Pa_ = 0.0;
   bool pressure_good_ = false;
   bool measured_ = false;
   Instant measured_at_;
   Instant screw_at_;
   std::optional<Instant> implausible_since_;
+  std::optional<Instant> disagrees_since_;
 };
 
 }  // namespace meltbench::machine

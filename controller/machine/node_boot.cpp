@@ -25,7 +25,9 @@ NodeBoot::NodeBoot(std::string label, std::uint8_t node_id, BootPlan plan, const
       times_{times},
       queue_{node_id, label_, times.sdo_timeout} {}
 
-void NodeBoot::begin(Instant now) {
+void NodeBoot::begin(Instant now, canopen::Frames& out) {
+  if (list_runs_) queue_.cancel(now, out);
+  restart(Instant::never());
   phase_ = Phase::kWaiting;
   deadline_ = now + times_.boot_timeout;
   act_at_ = now + kResetInterval;

@@ -41,7 +41,7 @@ class NodeBoot {
   NodeBoot(std::string label, std::uint8_t node_id, BootPlan plan, const BootTimes& times);
 
   /// Boot starts now: the time-out runs. The reset of communication has been sent to all by the caller.
-  void begin(Instant now);
+  void begin(Instant now, canopen::Frames& out);
 
   /// A boot-up message has come. Acts with the next on_time(), so that of several at one instant only the last counts.
   void on_boot_up(Instant now, canopen::Frames& out);

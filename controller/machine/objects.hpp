@@ -116,6 +116,8 @@ inline constexpr unsigned kNozzleTpdo = 4;      ///< All of channel 5, and the b
 
 /// The boards' own watchdog for set points, of feeder, heater and preconditioner. Over as soon as they come again.
 inline constexpr std::uint16_t kEmcyNoSetPoints = 0xFF01;
+/// And of a feeder that has nothing left.
+inline constexpr std::uint16_t kEmcyHopperEmpty = 0xFF02;
 /// Heater: a zone could not be tuned and goes on as before.
 inline constexpr std::uint16_t kEmcyAutotune = 0xFF14;
 

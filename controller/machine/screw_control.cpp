@@ -16,6 +16,7 @@ ScrewControl::ScrewControl(const ControllerSettings& settings)
       pitch_m_{settings.pitch_m},
       moves_{moves_screw(settings)},
       ramp_rev_per_cycle_{settings.screw_ramp_rev_per_s2 * to_s(settings.sync_period)},
+      own_speed_rev_per_s_{settings.run_speed_rev_per_s()},
       target_rev_per_s_{settings.sequence ? 0.0 : settings.run_speed_rev_per_s()},
       demand_rev_per_s_{target_rev_per_s_} {}
 
@@ -38,8 +39,28 @@ bool ScrewControl::take(const can::CanFrame& frame, Instant sync_at) {
 
 std::optional<ScrewSample> ScrewControl::close_cycle() {
   const std::optional<ScrewSample> sample = sample_;
+  if (sample) check_speed(sample->at);
   sample_.reset();
   return sample;
+}
+
+/// Far off only: the published screws swing by 40 %, and one may slip.
+void ScrewControl::check_speed(Instant at) {
+  constexpr double kStanding_rev_per_s = 0.05, kLeastShare = 0.3, kMostShare = 2.5;
+  const double asked = moves_ ? demand_rev_per_s_ : own_speed_rev_per_s_;
+  const double shown = speed_m_per_s_ / pitch_m_;
+  const bool wrong = asked > kStanding_rev_per_s && (shown < kLeastShare * asked || shown > kMostShare * asked);
+  if (!wrong) {
+    wrong_since_.reset();
+  } else if (!wrong_since_) {
+    wrong_since_ = at;
+  }
+}
+
+void ScrewControl::resume() {
+  stopped_ = false;
+  demand_rev_per_s_ = speed_m_per_s_ / pitch_m_;
+  wrong_since_.reset();
 }
 
 void ScrewControl::drive(Outbox& out) {

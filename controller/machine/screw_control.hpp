@@ -30,22 +30,30 @@ class ScrewControl {
   /// Once per cycle: moves the ramp on and tells the drive. Does nothing if the controller does not move the screw.
   void drive(Outbox& out);
   void quick_stop(Outbox& out);
+  /// After a fault: goes on from the speed that the screw has.
+  void resume();
+  /// Since when the encoder has shown a speed that is far from what was asked for; nothing: it does not.
+  [[nodiscard]] std::optional<Instant> wrong_since() const { return wrong_since_; }
 
   [[nodiscard]] double speed_m_per_s() const { return speed_m_per_s_; }  ///< As measured.
   [[nodiscard]] Instant measured_at() const { return measured_at_; }
   [[nodiscard]] double demand_rev_per_s() const { return demand_rev_per_s_; }
 
  private:
+  void check_speed(Instant at);
+
   std::uint8_t node_id_;
   double pitch_m_;
   bool moves_;
   double ramp_rev_per_cycle_;
+  double own_speed_rev_per_s_;  // Of a screw that the controller does not move.
   double increments_per_rev_ = 65536.0;
   double target_rev_per_s_ = 0.0;
   double demand_rev_per_s_ = 0.0;
   bool stopped_ = false;
   double speed_m_per_s_ = 0.0;
   Instant measured_at_;
+  std::optional<Instant> wrong_since_;
   std::optional<ScrewSample> sample_;
 };
 

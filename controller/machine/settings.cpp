@@ -214,6 +214,9 @@ void read_safety(const Section& controller, ControllerSettings& settings) {
   limits.max_pressure_Pa = kPaPerBar * controller.number_or("max_pressure_bar", 2.0 * full_bar, config::above(0));
   limits.max_filled_length_m =
       length_m - controller.number_or("flood_margin_m", 0.002, config::from_below(0, length_m));
+  settings.max_disagreement_m = controller.number_or("disagree_m", settings.max_disagreement_m, config::above(0));
+  limits.max_disagreement_time = controller.duration_or("disagree_s", 1, config::between(0, 60));
+  limits.max_unechoed_time = controller.duration_or("not_echoed_s", 2, config::between(0.1, 60));
   settings.safe_feed = controller.choice_or<SafeFeed>("safe_feed", SafeFeed::kOpenLoop,
                                                       {{"open_loop", SafeFeed::kOpenLoop}, {"stop", SafeFeed::kStop}});
   if (controller.has("feeder_watchdog_ms")) {
@@ -237,6 +240,7 @@ void read_times(const Section& controller, ControllerSettings& settings) {
   settings.sdo_timeout = controller.duration_or("sdo_timeout_ms", 100, config::between(1, 10'000));
   settings.serial.answer_timeout = controller.duration_or("serial_timeout_ms", 50, config::between(1, 10'000));
   settings.serial.retries = static_cast<unsigned>(controller.integer_or("serial_retries", 2, config::between(0, 10)));
+  settings.limits.max_wrong_speed_time = controller.duration_or("wrong_speed_s", 1, config::between(0.1, 60));
   settings.limits.max_age = controller.duration_or("measurement_timeout_s", 2, config::between(0.001, 60));
   settings.screw_ramp_rev_per_s2 =
       controller.number_or("screw_ramp_rpm_per_s", 60, config::above(0)) / kSecondsPerMinute;
@@ -380,6 +384,7 @@ ZoneSettings read_zones(const Section& section) {
   limits.max_degC = section.number_or("max_degC", highest + kHeadroom_K, config::between(highest, 600));
   limits.window = section.duration_or("window_s", to_s(limits.window), config::above(0));
   limits.min_rise_K = section.number_or("min_rise_K", limits.min_rise_K, config::above(0));
+  limits.max_step_K = section.number_or("max_step_K", limits.max_step_K, config::above(0));
   limits.max_unasked_rise_K = section.number_or("max_unasked_K", limits.max_unasked_rise_K, config::above(0));
   return zones;
 }
@@ -457,7 +462,8 @@ Order read_order(const config::TimelineEvent& event, const ControllerSettings& s
                                                            {"zone_set_point", {}},
                                                            {"autotune", {}},
                                                            {"material", {}}});
-    must_have(settings.sequence.has_value(), "a [controller.sequence]");
+    // Without a sequence there is still something to start: a controller that is in its safe state.
+    if (order.order != SequenceOrder::kStart) must_have(settings.sequence.has_value(), "a [controller.sequence]");
   }
   return order;
 }

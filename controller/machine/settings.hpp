@@ -104,6 +104,7 @@ struct MaterialSettings {
 /// - serial_timeout_ms     1..10000 (50)        for an answer of a board on a serial line; then it is asked again,
 /// - serial_retries        0..10 (2)            so many times, before it is lost
 /// - measurement_timeout_s 0.001..60 (2)        oldest pressure, encoder sample or feeder report to control with
+/// - wrong_speed_s         0.1..60 (1)          the encoder may show another speed than asked for so long
 /// - safe_screw            (keep)               keep | stop; stop only with safe_feed = "stop" if there is a feeder
 /// - screw_ramp_rpm_per_s  > 0 (60)             how fast the controller changes the speed of a screw that it moves
 ///
@@ -118,6 +119,10 @@ struct MaterialSettings {
 /// - implausible_s         0..60 (0.2)          how long the pressure may make no sense
 /// - max_pressure_bar      > 0 (2 x full screw) above it: safe state
 /// - flood_margin_m        0..L (0.002)         filled length this near to the feed throat: safe state
+/// - disagree_m            > 0 (0.02)           pressure and what was fed may tell filled lengths this far apart
+/// - disagree_s            0..60 (1)            for so long; such a pressure is not used meanwhile. Not watched if the
+///                                              screw conveys more than 1 mm per cycle
+/// - not_echoed_s          0.1..60 (2)          the feeder may report another flow than asked for so long
 /// - safe_feed             (open_loop)          open_loop | stop
 /// - feeder_watchdog_ms    1..65535 (board's)   time without set point after which the feeder falls to the safe feed
 /// and where there is a melting front as well, so that the melt's temperature decides the pressure:
@@ -147,7 +152,7 @@ struct MaterialSettings {
 /// - zone_set_point   value = degrees Celsius of all barrel zones
 /// - autotune         zone = 1..4 from the feed throat on, 5 the nozzle: the heater board tries it out, and tunes it
 /// - material         name of a [controller.material.NAME]
-/// - start | hold | purge | shut_down
+/// - start | hold | purge | shut_down   start needs no sequence: it ends the safe state and the state of fault
 struct ControllerSettings {
   std::uint8_t node_id = 127;
   Nanos heartbeat = 100ms;
@@ -176,6 +181,7 @@ struct ControllerSettings {
   modbus::ClientTimes serial{.answer_timeout = 50ms};
   std::vector<config::RigLine> lines;  ///< That have boards on them.
   safety::Limits limits;
+  double max_disagreement_m = 0.02;  ///< Of pressure and mass balance.
   SafeFeed safe_feed = SafeFeed::kOpenLoop;
   SafeScrew safe_screw = SafeScrew::kKeep;
   std::optional<std::uint16_t> feeder_watchdog_ms;

@@ -124,7 +124,9 @@ void ZoneControl::tell(Instant now, Outbox& out) {
     (zone.set.channel == kNozzleChannel ? nozzle : barrel.at(zone.set.channel - 1)) = counts;
     if (released_) release |= 1U << (zone.set.channel - 1);
   }
-  out.send(make_zone_set_points(node_id_, barrel));
+  // Without a release no set points either: if the release is lost on its way, the board's watchdog has nothing to live
+  // on.
+  if (released_) out.send(make_zone_set_points(node_id_, barrel));
   out.send(make_zone_release(node_id_, nozzle, static_cast<std::uint8_t>(release)));
 }
 

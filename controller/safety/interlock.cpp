@@ -2,65 +2,81 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
+#include <limits>
+
 namespace meltbench::safety {
 
+namespace {
+
+constexpr double kPaPerBar = 1e5;
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+
+constexpr std::array kInterlocks{
+    Interlock{Trip::kPressureHigh, "pressure-high", "melt pressure", "bar",
+              [](const Observation& seen) { return seen.pressure_Pa.value_or(kUnknown) / kPaPerBar; },
+              [](const Limits& limits) { return limits.max_pressure_Pa / kPaPerBar; }, false,
+              "is the nozzle blocked or the melt too cold?"},
+    Interlock{Trip::kFlooding, "flooding", "filled length", "m",
+              [](const Observation& seen) { return seen.filled_length_m.value_or(kUnknown); },
+              [](const Limits& limits) { return limits.max_filled_length_m; }, true,
+              "melt is about to reach the feed throat"},
+    Interlock{Trip::kMeasurementImplausible, "measurement-implausible",
+              "time without a pressure that fits this extruder", "s",
+              [](const Observation& seen) { return to_s(seen.implausible_time); },
+              [](const Limits& limits) { return to_s(limits.max_implausible_time); }, false,
+              "look at the transmitter and at whether the screw turns"},
+    Interlock{Trip::kMeasurementDisagrees, "measurement-disagrees", "time without agreement of pressure and feed", "s",
+              [](const Observation& seen) { return to_s(seen.disagreement_time); },
+              [](const Limits& limits) { return to_s(limits.max_disagreement_time); }, false,
+              "is the transmitter stuck, does the feeder bridge, is the nozzle clogged?"},
+    Interlock{Trip::kScrewWrong, "screw-wrong", "time at another speed than asked for", "s",
+              [](const Observation& seen) { return to_s(seen.wrong_speed_time); },
+              [](const Limits& limits) { return to_s(limits.max_wrong_speed_time); }, false,
+              "is the encoder's cable loose, does the screw slip or stand?"},
+    Interlock{Trip::kFeedNotEchoed, "feed-not-echoed", "time with another flow than asked for", "s",
+              [](const Observation& seen) { return to_s(seen.unechoed_time); },
+              [](const Limits& limits) { return to_s(limits.max_unechoed_time); }, false,
+              "are set points lost, or does somebody else command the feeder?"},
+    Interlock{Trip::kMeasurementStale, "measurement-stale", "age of the newest usable pressure", "s",
+              [](const Observation& seen) { return to_s(seen.pressure_age); },
+              [](const Limits& limits) { return to_s(limits.max_age); }, false, "are the transmitter's PDOs lost?"},
+    Interlock{Trip::kScrewStale, "screw-stale", "age of the newest encoder sample", "s",
+              [](const Observation& seen) { return to_s(seen.screw_age); },
+              [](const Limits& limits) { return to_s(limits.max_age); }, false, "are the drive's PDOs lost?"},
+    Interlock{Trip::kFeedStale, "feed-stale", "age of the newest feeder report", "s",
+              [](const Observation& seen) { return to_s(seen.feed_age); },
+              [](const Limits& limits) { return to_s(limits.max_age); }, false, "are the feeder's reports lost?"},
+};
+
+const Interlock& find(Trip trip) {
+  return *std::find_if(kInterlocks.begin(), kInterlocks.end(), [&](const Interlock& one) { return one.trip == trip; });
+}
+
+}  // namespace
+
+std::span<const Interlock> interlocks() {
+  return kInterlocks;
+}
+
 Trip judge(const Limits& limits, const Observation& seen) {
-  if (seen.pressure_Pa && *seen.pressure_Pa > limits.max_pressure_Pa) return Trip::kPressureHigh;
-  if (seen.filled_length_m && *seen.filled_length_m >= limits.max_filled_length_m) return Trip::kFlooding;
-  if (seen.implausible_time > limits.max_implausible_time) return Trip::kMeasurementImplausible;
-  if (seen.pressure_age > limits.max_age) return Trip::kMeasurementStale;
-  if (seen.screw_age > limits.max_age) return Trip::kScrewStale;
-  if (seen.feed_age > limits.max_age) return Trip::kFeedStale;
+  for (const Interlock& one : kInterlocks) {
+    const double value = one.value(seen);
+    const double limit = one.limit(limits);
+    if (value > limit || (one.at_limit && value == limit)) return one.trip;
+  }
   return Trip::kNone;
 }
 
 std::string_view code_of(Trip trip) {
-  switch (trip) {
-    case Trip::kNone:
-      break;
-    case Trip::kPressureHigh:
-      return "pressure-high";
-    case Trip::kFlooding:
-      return "flooding";
-    case Trip::kMeasurementImplausible:
-      return "measurement-implausible";
-    case Trip::kMeasurementStale:
-      return "measurement-stale";
-    case Trip::kScrewStale:
-      return "screw-stale";
-    case Trip::kFeedStale:
-      return "feed-stale";
-  }
-  return "none";
+  return find(trip).code;
 }
 
 std::string describe(Trip trip, const Limits& limits, const Observation& seen) {
-  constexpr double kPaPerBar = 1e5;
-  switch (trip) {
-    case Trip::kNone:
-      break;
-    case Trip::kPressureHigh:
-      return fmt::format("melt pressure {:.4g} bar, limit {:.4g} bar; is the nozzle blocked or the melt too cold?",
-                         seen.pressure_Pa.value_or(0.0) / kPaPerBar, limits.max_pressure_Pa / kPaPerBar);
-    case Trip::kFlooding:
-      return fmt::format("filled length {:.4f} m, limit {:.4f} m; melt is about to reach the feed throat",
-                         seen.filled_length_m.value_or(0.0), limits.max_filled_length_m);
-    case Trip::kMeasurementImplausible:
-      return fmt::format(
-          "for {:.3f} s no pressure that fits this extruder, limit {:.3f} s; look at the transmitter "
-          "and at whether the screw turns",
-          to_s(seen.implausible_time), to_s(limits.max_implausible_time));
-    case Trip::kMeasurementStale:
-      return fmt::format("newest usable pressure is {:.3f} s old, limit {:.3f} s; are the transmitter's PDOs lost?",
-                         to_s(seen.pressure_age), to_s(limits.max_age));
-    case Trip::kScrewStale:
-      return fmt::format("newest encoder sample is {:.3f} s old, limit {:.3f} s; are the drive's PDOs lost?",
-                         to_s(seen.screw_age), to_s(limits.max_age));
-    case Trip::kFeedStale:
-      return fmt::format("newest feeder report is {:.3f} s old, limit {:.3f} s; are the feeder's PDOs lost?",
-                         to_s(seen.feed_age), to_s(limits.max_age));
-  }
-  return "nothing";
+  const Interlock& one = find(trip);
+  return fmt::format("{} {:.4g} {}, limit {:.4g} {}; {}", one.source, one.value(seen), one.unit, one.limit(limits),
+                     one.unit, one.hint);
 }
 
 bool is_survivable_emcy(std::uint16_t code) {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -16,30 +17,54 @@ struct Limits {
   /// but a disturbance in the gap stays unseen.
   Nanos max_age = 2s;
   Nanos max_implausible_time = 200ms;  ///< The pressure may be no pressure of this extruder for so long.
+  Nanos max_disagreement_time = 1s;    ///< Pressure and mass balance may be further apart than they may for so long,
+  Nanos max_unechoed_time = 2s;        ///< the feeder may do something else than it is asked for so long,
+  Nanos max_wrong_speed_time = 1s;     ///< and the screw.
   double max_pressure_Pa = 0.0;        ///< Above it the model or the nozzle is not what was configured.
   double max_filled_length_m = 0.0;    ///< At or above it melt is about to reach the feed throat.
 };
 
 /// What the controller sees at one cycle.
 struct Observation {
-  Nanos pressure_age{};               ///< Of the newest usable pressure.
+  Nanos pressure_age{};               ///< Of the newest usable pressure, by its time stamp.
   Nanos screw_age{};                  ///< Of the newest encoder sample.
   Nanos feed_age{};                   ///< Of the newest feeder report.
   Nanos implausible_time{};           ///< For how long pressures have come that cannot be used; 0 = the newest is good.
+  Nanos disagreement_time{};          ///< For how long the pressure has not fitted to what was fed.
+  Nanos unechoed_time{};              ///< For how long the feeder has reported another flow than the one asked for.
+  Nanos wrong_speed_time{};           ///< For how long the encoder has shown another speed than the one asked for.
   std::optional<double> pressure_Pa;  ///< Newest one, if its status is good.
   std::optional<double> filled_length_m;  ///< Newest estimate, if usable.
 };
 
-/// Why control must stop; kNone: it may go on.
+/// Why control must stop; kNone: it may go on. The order is that of the table, most urgent first.
 enum class Trip : std::uint8_t {
   kNone,
   kPressureHigh,
   kFlooding,
   kMeasurementImplausible,
+  kMeasurementDisagrees,
+  kScrewWrong,
+  kFeedNotEchoed,
   kMeasurementStale,
   kScrewStale,
   kFeedStale,
 };
+
+/// One line of the interlock table. All of them have the same reaction: the safe state.
+struct Interlock {
+  Trip trip{};
+  std::string_view code;                ///< Stable, in kebab case: "measurement-stale".
+  std::string_view source;              ///< What is looked at.
+  std::string_view unit;                ///< Of value and limit, as messages have them.
+  double (*value)(const Observation&);  ///< In that unit; not a number: unknown, trips nothing.
+  double (*limit)(const Limits&);
+  bool at_limit = false;  ///< The limit itself trips already.
+  std::string_view hint;  ///< What to look at.
+};
+
+/// The table. A limit in seconds is also the time within which it reacts; the others react in the next cycle.
+[[nodiscard]] std::span<const Interlock> interlocks();
 
 /// The most urgent reason, in the order of Trip. A number that is missing trips nothing by itself: its age does.
 [[nodiscard]] Trip judge(const Limits& limits, const Observation& seen);

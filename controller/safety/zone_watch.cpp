@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+
 namespace meltbench::safety {
 
 ZoneWatch::Heater ZoneWatch::classify(const ZoneReport& report) const {
@@ -13,6 +15,11 @@ ZoneWatch::Heater ZoneWatch::classify(const ZoneReport& report) const {
 ZoneTrip ZoneWatch::add(Instant at, const ZoneReport& report, std::optional<double> set_point_degC) {
   if (!report.sensor_good) return ZoneTrip::kSensorOpen;
   if (!(report.T_degC <= limits_.max_degC)) return ZoneTrip::kOverTemperature;  // NaN is no temperature either.
+  const double before_degC = last_degC_.value_or(report.T_degC);
+  last_degC_ = report.T_degC;
+  if (report.T_degC < limits_.min_degC || std::abs(report.T_degC - before_degC) > limits_.max_step_K) {
+    return ZoneTrip::kImplausible;
+  }
   const Heater heater = classify(report);
   if (heater != heater_) {
     heater_ = heater;
@@ -37,6 +44,8 @@ std::string_view code_of(ZoneTrip trip) {
       return "zone-over-temperature";
     case ZoneTrip::kSensorOpen:
       return "zone-sensor-open";
+    case ZoneTrip::kImplausible:
+      return "zone-implausible";
     case ZoneTrip::kNotRising:
       return "zone-not-rising";
     case ZoneTrip::kRisingUnasked:
@@ -54,6 +63,11 @@ std::string describe(ZoneTrip trip, const ZoneWatch& watch, std::string_view zon
       return fmt::format("{}: {:.1f} C, limit {:.1f} C; is its relay welded?", zone, report.T_degC, limits.max_degC);
     case ZoneTrip::kSensorOpen:
       return fmt::format("{}: thermocouple open or not trusted by its board; look at the plug of the sensor", zone);
+    case ZoneTrip::kImplausible:
+      return fmt::format(
+          "{}: {:.1f} C is no temperature that it can have now, a step of more than {:.0f} K or below "
+          "{:.0f} C; has the thermocouple fallen out?",
+          zone, report.T_degC, limits.max_step_K, limits.min_degC);
     case ZoneTrip::kNotRising:
       return fmt::format(
           "{}: {:+.1f} K in {:.0f} s of full power, at least {:.1f} K expected; look at the heater band, "

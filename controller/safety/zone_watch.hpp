@@ -17,6 +17,8 @@ struct ZoneLimits {
   double no_output = 0.02;          ///< ... and up to which as off.
   Nanos window = 60s;               ///< For so long on or off without a break, before it is judged.
   double min_rise_K = 2.0;          ///< Least rise in a window with the heater on.
+  double max_step_K = 20.0;         ///< Between two reports: no zone is that fast.
+  double min_degC = -20.0;          ///< Below it nothing is measured any more.
   double max_unasked_rise_K = 2.0;  ///< Largest rise in a window with the heater off, above the set point.
 };
 
@@ -31,6 +33,7 @@ enum class ZoneTrip : std::uint8_t {
   kNone,
   kOverTemperature,
   kSensorOpen,
+  kImplausible,    ///< A jump, or colder than any workshop: a thermocouple that is loose or has fallen out.
   kNotRising,      ///< Full power and no heat: heater burnt out, fuse, thermocouple fallen out of its bore.
   kRisingUnasked,  ///< Heat and no power: contact of the relay welded, or the set point of another master.
 };
@@ -56,6 +59,7 @@ class ZoneWatch {
   [[nodiscard]] Heater classify(const ZoneReport& report) const;
 
   ZoneLimits limits_;
+  std::optional<double> last_degC_;
   Heater heater_ = Heater::kBetween;
   Instant window_from_;
   double window_T_degC_ = 0.0;

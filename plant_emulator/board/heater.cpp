@@ -136,6 +136,7 @@ ZoneParameters Heater::parameters_of(const Channel& channel) {
 }
 
 void Heater::raise_alarm(std::size_t number, Instant at, ZoneState alarm) {
+  switch_supply();
   node().raise_emcy(emcy_of(alarm), canopen::error_register::kGeneric | canopen::error_register::kTemperature,
                     {static_cast<std::uint8_t>(number + 1)});
   report(Severity::kFault, at, "zone-alarm", fmt::format("channel {} {}: off", number + 1, describe(alarm)));
@@ -149,6 +150,7 @@ void Heater::acknowledge(std::uint8_t bits) {
       if ((gone & alarm) != 0) node().clear_emcy(emcy_of(alarm), static_cast<std::uint8_t>(i + 1));
     }
   }
+  switch_supply();
 }
 
 void Heater::follow_tuner(Channel& channel, std::size_t number, Instant at) {
@@ -182,6 +184,15 @@ void Heater::set_release(std::uint8_t bits) {
   release_.set(bits);
   release_seen_ = bits;
   for (std::size_t i = 0; i < kChannels; ++i) channels_[i].od.on.set((bits >> i & 1U) != 0);
+  switch_supply();
+}
+
+/// The last resort against a relay that does not open.
+void Heater::switch_supply() {
+  unsigned alarms = 0;
+  for (const Channel& channel : channels_) alarms |= channel.zone.alarms();
+  const bool burns = (alarms & (kZoneTooHot | kZoneUnasked)) != 0;
+  process().set_heater_supply(release_seen_ != 0 && !master_lost_ && !burns);
 }
 
 void Heater::take_orders(Instant now) {
@@ -191,6 +202,7 @@ void Heater::take_orders(Instant now) {
   if (master_lost_) {
     master_lost_ = false;
     node().clear_emcy(kEmcySetPointsLost);
+    switch_supply();
     report(Severity::kInfo, now, "master-back", "set points come again");
   }
   own_deadline_ = watchdog_ms_.get() != 0 ? now + watchdog_ms_.get() * 1ms : Instant::never();
@@ -202,6 +214,7 @@ void Heater::lose_master(Instant now, std::string_view why) {
   master_lost_ = true;
   invalidate();
   for (Channel& channel : channels_) channel.zone.rest(process());
+  switch_supply();
   report(Severity::kWarning, now, "master-lost", fmt::format("{}: all heaters are off", why));
 }
 

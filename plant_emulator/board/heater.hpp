@@ -35,6 +35,9 @@ enum HeaterStatus : std::uint8_t { kHeaterOn = 0x01, kHeaterMasterLost = 0x02, k
 ///
 /// What a zone does is in HeatZone. Watchdog: the first RPDO 1 or 2 starts it; if they then stop, or a heartbeat of
 /// 1016 is lost, all outputs are 0, with EMCY FF01, until the next one comes.
+///
+/// A contactor before all bands takes the power from a relay that is welded: it opens when no channel is released, the
+/// master is lost, or a zone is too hot or has warmed unasked.
 class Heater final : public Board {
  public:
   static constexpr std::size_t kChannels = 5;
@@ -82,6 +85,7 @@ class Heater final : public Board {
 
   void take_orders(Instant now);
   void lose_master(Instant now, std::string_view why);
+  void switch_supply();
   void set_release(std::uint8_t bits);
   [[nodiscard]] bool is_released(const Channel& channel) const { return !master_lost_ && channel.od.on.get(); }
   [[nodiscard]] static ZoneParameters parameters_of(const Channel& channel);

@@ -34,6 +34,8 @@ class Process {
   [[nodiscard]] virtual double T_zone_degC(std::size_t /*channel*/) const { return kNothing; }
   /// Share of its full power that a heater band gets, 0..1; held until set again.
   virtual void set_heater(std::size_t /*channel*/, double /*share*/) {}
+  /// The contactor before all heater bands: open, none gets power, whatever its relay does. Closed at the start.
+  virtual void set_heater_supply(bool /*closed*/) {}
   /// What the feeder's screw really brings when it is asked for so much, and whether its hopper has run empty.
   [[nodiscard]] virtual double fed_kg_per_s(double asked_kg_per_s) const { return asked_kg_per_s; }
   [[nodiscard]] virtual bool is_hopper_empty() const { return false; }

@@ -46,20 +46,6 @@ bool plant_can(Kind kind, const Scope& scope) {
   }
 }
 
-/// "board.feeder", "sensor.melt_pressure" ... of this rig: for the message that refuses another one.
-std::vector<std::string> list_targets(const Scope& scope) {
-  std::vector<std::string> targets{"frame", "plant", "clock.controller", "clock.plant"};
-  for (const config::RigBoard& board : scope.rig.boards) {
-    if (!board.is_real) targets.push_back("board." + board.name);
-  }
-  for (const ObjectInfo& object : objects()) {
-    if (has_board(scope.rig, object.board_kind)) {
-      targets.push_back(fmt::format("{}.{}", name_of(object.target), object.name));
-    }
-  }
-  return targets;
-}
-
 /// Whether the word stands in a list that is separated by blanks.
 bool is_in(std::string_view list, std::string_view word) {
   while (!list.empty()) {
@@ -80,21 +66,25 @@ struct SplitTarget {
   std::string object;
 };
 
-SplitTarget read_target(const Section& section, const Scope* scope) {
-  const std::string text = section.text("target");
+SplitTarget split(std::string_view text) {
   const std::size_t dot = text.find('.');
-  const std::string_view head = std::string_view{text}.substr(0, dot);
+  const std::string_view head = text.substr(0, dot);
   std::size_t target = 0;
   while (target < kTargets && name_of(static_cast<Target>(target)) != head) ++target;
+  return {static_cast<Target>(target), dot == std::string_view::npos ? std::string{} : std::string{text.substr(dot + 1)}};
+}
+
+SplitTarget read_target(const Section& section, const Scope* scope) {
+  const std::string text = section.text("target");
   if (scope != nullptr) {
     const std::vector<std::string> targets = list_targets(*scope);
     if (std::find(targets.begin(), targets.end(), text) == targets.end()) {
       section.fail("target", "cannot fail here", fmt::format("on this rig can: {}", fmt::join(targets, ", ")));
     }
-  } else if (target == kTargets) {
-    section.fail("target", "is none");
   }
-  return {static_cast<Target>(target), dot == std::string::npos ? std::string{} : text.substr(dot + 1)};
+  SplitTarget result = split(text);
+  if (static_cast<std::size_t>(result.target) == kTargets) section.fail("target", "is none");
+  return result;
 }
 
 const KindInfo& read_kind(const Section& section, const SplitTarget& where, const Scope* scope) {
@@ -185,6 +175,34 @@ Fault read_fault(const Section& section, const Scope* scope, bool live) {
 }
 
 }  // namespace
+
+std::vector<std::string> list_targets(const Scope& scope) {
+  std::vector<std::string> targets{"frame", "plant", "clock.controller", "clock.plant"};
+  for (const config::RigBoard& board : scope.rig.boards) {
+    if (!board.is_real) targets.push_back("board." + board.name);
+  }
+  for (const ObjectInfo& object : objects()) {
+    if (has_board(scope.rig, object.board_kind)) {
+      targets.push_back(fmt::format("{}.{}", name_of(object.target), object.name));
+    }
+  }
+  return targets;
+}
+
+std::vector<const KindInfo*> list_kinds(std::string_view target, const Scope& scope) {
+  const SplitTarget where = split(target);
+  const ObjectInfo* object = find_object(where.target, where.object);
+  std::vector<const KindInfo*> kinds;
+  for (const KindInfo& info : vocabulary()) {
+    if (info.target == where.target && can_do(info, object, &scope)) kinds.push_back(&info);
+  }
+  return kinds;
+}
+
+const ObjectInfo* object_of(std::string_view target) {
+  const SplitTarget where = split(target);
+  return find_object(where.target, where.object);
+}
 
 double Fault::value(std::string_view parameter) const {
   std::size_t index = 0;

@@ -68,6 +68,13 @@ struct Scope {
 /// Reads the scope of a run.
 [[nodiscard]] Scope make_scope(const config::Section& root, const config::Rig& rig);
 
+/// Everything that can fail: "frame", "board.feeder", "sensor.melt_pressure" ...
+[[nodiscard]] std::vector<std::string> list_targets(const Scope& scope);
+/// How it can. @param target  one of list_targets().
+[[nodiscard]] std::vector<const KindInfo*> list_kinds(std::string_view target, const Scope& scope);
+/// The quantity behind a target; null for a board, a frame, the plant and a clock.
+[[nodiscard]] const ObjectInfo* object_of(std::string_view target);
+
 /// Keys of [[fault]]; key, range, (default), what:
 /// - target       frame | board.NAME | sensor.NAME | actuator.NAME | plant | clock.NAME
 /// - kind         what this target can do: fixtures/scenarios/FAULTS.md; anything else is refused with the list

@@ -30,7 +30,7 @@ constexpr std::array kVocabulary{
 
     row(Target::kBoard, Kind::kOff, "off"),
     row(Target::kBoard, Kind::kReboot, "reboot"),
-    row(Target::kBoard, Kind::kHang, "hang"),
+    row(Target::kBoard, Kind::kHang, "hang", Parameter{"watchdog_ms", Unit::kAsNamed, 0, 600'000, 1000.0}),
     row(Target::kBoard, Kind::kSlow, "slow", Parameter{"delay_ms", Unit::kAsNamed, 0.001, 10'000, {}}),
     row(Target::kBoard, Kind::kHeartbeatLost, "heartbeat_lost"),
     row(Target::kBoard, Kind::kWrongIdentity, "wrong_identity",

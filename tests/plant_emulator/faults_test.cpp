@@ -265,6 +265,9 @@ TEST_CASE("A welded relay heats whatever the heater board says, a dead one does 
   bench.run(5s);
   CHECK(bench.value("barrel.power_zone1_W") == Approx(500));
   CHECK(bench.value("barrel.power_zone2_W") == 0);
+  bench.send(can::make_frame(0x300U + kHeater, {0, 0, 0}));  // Nothing is released: the contactor opens.
+  bench.run(1s);
+  CHECK(bench.value("barrel.power_zone1_W") == 0);
 }
 
 // --- the plant
@@ -338,7 +341,7 @@ TEST_CASE("A board without power is silent and drives nothing, and powers up wit
 TEST_CASE("A board that hangs answers SYNC with old values until its watchdog resets it", "[fault]") {
   Bench bench{"bizone.toml"};
   bench.run(1s, {feed_command(4)});
-  const auto hang = bench.begin("target = 'board.melt_pressure'\nkind = 'hang'");
+  const auto hang = bench.begin("target = 'board.melt_pressure'\nkind = 'hang'\nwatchdog_ms = 0");
   bench.run(10ms, {feed_command(8)});
   const auto bytes_of_last = [&] {
     for (auto one = bench.sent.rbegin(); one != bench.sent.rend(); ++one) {
@@ -358,11 +361,14 @@ TEST_CASE("A board that hangs answers SYNC with old values until its watchdog re
 TEST_CASE("A feeder that hangs feeds on, and its watchdog does not act", "[fault]") {
   Bench bench{"bizone.toml"};
   bench.run(1s, {feed_command(4)});
-  bench.begin("target = 'board.feeder'\nkind = 'hang'");
+  bench.begin("target = 'board.feeder'\nkind = 'hang'\nwatchdog_ms = 3000");
   bench.run(1s);
   CHECK(3600 * bench.value("plant.feed_kg_per_s") == Approx(4));
   bench.run(1s, {feed_command(8)});
   CHECK(3600 * bench.value("plant.feed_kg_per_s") == Approx(4));
+  CHECK(bench.count(0x700U + kFeeder) == 1);
+  bench.run(2s);
+  CHECK(bench.count(0x700U + kFeeder) == 2);  // Its hardware watchdog has reset it.
 }
 
 TEST_CASE("A slow board sends everything later, in order", "[fault]") {

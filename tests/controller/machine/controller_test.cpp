@@ -389,3 +389,45 @@ TEST_CASE("Controller: equal input gives equal frames", "[machine]") {
   second.run_for_s(0.5);
   CHECK(first.sent == second.sent);
 }
+
+TEST_CASE("Controller: the safe state ends with the order to start alone, and the feed goes on from what is delivered",
+          "[machine]") {
+  ControllerSettings settings = make_settings();
+  settings.orders = {
+      {.at = Instant{4s}, .kind = Order::Kind::kSequence, .order = SequenceOrder::kStart}};
+  FakeRig rig{settings};
+  rig.run_for_s(1.0);
+  rig.process.x_m = 0.199;
+  rig.run_for_s(1.1);
+  REQUIRE(rig.controller.state() == ControllerState::kSafe);
+  rig.process.x_m = 0.16;
+  rig.run_for_s(3.9);
+  CHECK(rig.controller.state() == ControllerState::kSafe);  // Well again, but nobody has asked.
+  rig.run_for_s(4.5);
+  CHECK(rig.controller.state() == ControllerState::kRunning);
+  CHECK(rig.find_event("restart") != nullptr);
+  // In the middle, at the set point, fed with what holds it: nothing to correct.
+  CHECK(rig.signal("controller.U_command") == Approx(0.2528).epsilon(0.01));
+}
+
+TEST_CASE("Controller: bus-off leads to the safe state at once, error-passive after a second", "[machine]") {
+  ControllerSettings settings = make_settings();
+  Controller controller{settings};
+  Outbox out;
+  const auto wake = [&](Nanos at, can::ErrorState state) {
+    out.clear();
+    const std::array<can::ErrorState, 1> nodes{state};
+    Wakeup in;
+    in.now = Instant{at};
+    in.nodes = nodes;
+    controller.wake(in, out);
+    for (const Event& event : out.events()) {
+      if (event.severity == Severity::kFault) return event.code;
+    }
+    return std::string{};
+  };
+  CHECK(wake(0ms, can::ErrorState::kActive).empty());
+  CHECK(wake(10ms, can::ErrorState::kPassive).empty());
+  CHECK(wake(500ms, can::ErrorState::kPassive).empty());
+  CHECK(wake(600ms, can::ErrorState::kBusOff) == "bus-off");
+}

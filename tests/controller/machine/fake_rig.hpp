@@ -203,6 +203,7 @@ class FakeHeater : public FakeBoard {
 /// The rig of the tests: node ids 5, 6, 7, the models' default extruder.
 inline ControllerSettings make_settings() {
   ControllerSettings settings;
+  settings.max_disagreement_m = 1.0;  // The fake's pressure does not follow its feed.
   settings.boards = {make_board(config::BoardKind::kFeeder, 5), make_board(config::BoardKind::kScrewDrive, 6),
                      make_board(config::BoardKind::kMeltPressure, 7)};
   settings.set_points = {{Instant{}, 0.16}};
@@ -362,6 +363,7 @@ inline ControllerSettings make_coupled_settings() {
                                 .band_K = 6.0,
                                 .limits = {.max_degC = 185.0}};
   settings.sequence = SequenceSettings{.soak = 1s, .fill = 1s};
+  settings.zones->limits.max_step_K = 1000.0;  // Its zones are as warm as they are told.
   return settings;
 }
 

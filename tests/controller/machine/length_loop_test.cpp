@@ -30,7 +30,7 @@ ScrewSample make_screw(Instant at, double c_m_per_s, std::uint32_t position_inc)
 }  // namespace
 
 TEST_CASE("Speed record: linear between samples, with the last slope for a moment beyond", "[machine]") {
-  SpeedRecord speeds{4};
+  SampleRecord speeds{4};
   speeds.add(Instant{10ms}, 1.0);
   CHECK(speeds.at(Instant{}) == 1.0);
   speeds.add(Instant{20ms}, 2.0);

@@ -262,7 +262,7 @@ TEST_CASE("Controller settings: the timeline speaks to front, screw, zones and s
   CHECK(settings.materials[0].T_barrel_degC == 120.0);
   CHECK(settings.materials[0].filled.theta2_per_m < settings.model.theta2_per_m);  // Denser than HDPE's melt.
 
-  CHECK_THAT(complain(make_coupled_rig(event("start", ""))).what, Contains("sequence"));
+  CHECK_THAT(complain(make_coupled_rig(event("hold", ""))).what, Contains("sequence"));
   CHECK_THAT(complain(make_rig("set_point_m = 0.16\n", event("front_set_point", "value = 0.1\n"))).what,
              Contains("melting front"));
   CHECK_THAT(complain(make_coupled_rig(event("material", "name = \"wood\"\n"))).what, Contains("wood"));
