@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <catch2/catch.hpp>
 
 #include "bench/bus/bit_timed_bus.hpp"
@@ -98,6 +99,29 @@ TEST_CASE("Confinement: a passive sender that nobody acknowledges counts only if
   CHECK(bench.tec(0) == 136);
 }
 
+TEST_CASE("Confinement: a counter of 96 is reported as a warning, and its end as active again", "[bus]") {
+  Bench bench{3};
+  const auto reports = [&](std::uint8_t status) {
+    return std::ranges::count_if(bench.log.errors, [&](const BusLog::Error& error) {
+      return error.node == 0 && (error.frame.id & CAN_ERR_CRTL) != 0 && error.frame.bytes[1] == status;
+    });
+  };
+  SECTION("eleven failed sendings: 88") {
+    bench.fail_sending(0, 11);
+    CHECK(reports(CAN_ERR_CRTL_TX_WARNING) == 0);
+    CHECK(bench.bus.node(0).counters().error_warn == 0);
+  }
+  SECTION("twelve: 96, and 95 after the frame has come through") {
+    bench.fail_sending(0, 12);
+    CHECK(reports(CAN_ERR_CRTL_TX_WARNING) == 1);
+    CHECK(reports(CAN_ERR_CRTL_ACTIVE) == 1);
+    CHECK(bench.bus.node(0).counters().error_warn == 1);
+    CHECK(bench.bus.node(0).counters().error_pass == 0);
+    CHECK(bench.tec(0) == 95);
+    CHECK(bench.log.states.empty());  // Still error-active all the time.
+  }
+}
+
 TEST_CASE("Confinement: 32 failed sendings in a row take a node off the bus", "[bus]") {
   Bench bench{3};
   bench.fail_sending(0, 32);
@@ -135,6 +159,9 @@ TEST_CASE("Confinement: 31 failed sendings do not, and each success takes one of
 
 TEST_CASE("Confinement: receivers count one for an error, and one less for a frame received", "[bus]") {
   Bench bench{3};
+  // A flip that is never met makes the bus go bit by bit; otherwise undisturbed frames are counted in one step.
+  const bool by_bits = GENERATE(false, true);
+  if (by_bits) bench.bus.flip(bench.now, {.id = 0, .mask = 0, .bit = 9999, .frames = 1});
   bench.fail_sending(0, 3);
   CHECK(bench.rec(1) == 3 - 1);  // Three errors, then the frame came through.
   CHECK(bench.rec(2) == 3 - 1);
@@ -209,7 +236,25 @@ TEST_CASE("Confinement: dominant in the last bit of end of frame doubles the fra
   CHECK(bench.log.deliveries[0].sender == kNoNode);
   CHECK(bench.log.deliveries[1].sender == 0);
   CHECK(bench.tec(0) == 7);
-  CHECK(bench.rec(1) == 0);  // An overload frame is no error.
+  CHECK(bench.log.bus_errors(1).empty());  // An overload frame is no error.
+  CHECK(bench.rec(1) == 0);
+}
+
+TEST_CASE("Confinement: an overload frame that others answer counts for nobody", "[bus]") {
+  Bench bench{3};
+  // Only node 1 hears the last bit dominant: its flag falls into the others' interframe space, they answer one bit
+  // later.
+  bench.bus.flip(bench.now, {.id = 0, .mask = 0, .bit = end_of_frame_bit("123#AA", 7), .frames = 1, .listener = 1});
+  bench.send(0, "123#AA");
+  bench.send(0, "124#AA");
+  bench.run_bits(400);
+  CHECK(bench.log.frames() == "123 124");
+  // Flag 6 + 1 of the answers, delimiter 8, interframe space 3, instead of the 3 alone.
+  CHECK(bench.log.deliveries[1].started_at == bench.log.deliveries[0].at + (7 + 8 + 3) * kBit);
+  CHECK(bench.log.errors.empty());
+  CHECK(bench.rec(1) == 0);
+  CHECK(bench.rec(2) == 0);
+  CHECK(bench.tec(0) == 0);
 }
 
 TEST_CASE("Confinement: dominant in the last but one bit of end of frame is a form error of all", "[bus]") {
