@@ -1,4 +1,4 @@
-# The guest's CAN interfaces and serial ports. Sourced by guest.sh before the first step.
+# The guest's CAN interfaces. Sourced by guest.sh before the first step.
 for name in vcan0 vcan1; do
   ip link add dev "$name" type vcan
   ip link set "$name" mtu 72
@@ -10,5 +10,3 @@ for name in can0 can1; do
   ip link set "$name" txqueuelen 100
   ip link set "$name" up
 done
-# A 16550 tells of the last characters of a frame four character times late, unless it tells of each.
-for name in ttyS1 ttyS2; do echo 1 >"/sys/class/tty/$name/rx_trig_bytes"; done
