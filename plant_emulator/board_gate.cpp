@@ -90,8 +90,11 @@ void BoardGate::end(std::size_t number, Instant now, canopen::Frames& out) {
 
 void BoardGate::on_frame(Instant now, const can::CanFrame& frame, canopen::Frames& out) {
   const std::size_t from = out.size();
-  // Who hangs still has its CAN controller and its timer interrupt, which answers SYNC from the last values.
-  if (find(Kind::kHang) == nullptr || frame.id == canopen::cob_id::kSync) board_.on_frame(now, frame, out);
+  // Who hangs still has its CAN interrupt, which counts heartbeats and answers SYNC from the last values.
+  const bool is_heartbeat = frame.id > kNodeControlBase && frame.id < kNodeControlBase + 0x80;
+  if (find(Kind::kHang) == nullptr || frame.id == canopen::cob_id::kSync || is_heartbeat) {
+    board_.on_frame(now, frame, out);
+  }
   if (out.size() > from) filter(now, from, out);
 }
 

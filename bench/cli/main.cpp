@@ -63,7 +63,7 @@ struct Words {
 CLI::App* add_run_command(CLI::App& app, Words& words) {
   CLI::App* run = app.add_subcommand("run", "Run scenarios, judge them, write their folder and a report");
   run->add_option("scenario", words.run.scenarios,
-                  "Scenario files; several give one report with their signals overlaid")
+                  "Scenario files; several give one report with their signals overlaid; a folder is a suite")
       ->required();
   run->add_option("--out", words.run.out, "Folder of the results")->default_str("meltbench-out");
   run->add_option("--seed", words.seed, "Instead of the scenario's seed; same seed, same bytes")

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "bench/cli/single_run.hpp"
+#include "bench/cli/suite.hpp"
 #include "bench/cli/verdict.hpp"
 #include "bench/record/load_recording.hpp"
 #include "bench/report/report.hpp"
@@ -87,6 +88,7 @@ void write_common_report(const RunRequest& request, const std::vector<JudgedRun>
 }  // namespace
 
 ExitStatus run_scenarios(const RunRequest& request) {
+  if (is_suite(request)) return run_suite(request);
   std::vector<PreparedRun> prepared = prepare_all(request);
   remove_old_runs(request.out, prepared);
   runtime::catch_stop_signals();

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <deque>
 #include <fstream>
@@ -379,7 +380,8 @@ bus::RunOutcome end_programs(bus::RunOutcome outcome, std::span<bus::Joined> joi
 std::string choose_bus_name(const RunRequest& request) {
   const auto uri = request.can.empty() ? std::nullopt : std::optional{link::parse_bus_uri(request.can)};
   const bool named = uri && uri->kind == link::BusUri::Kind::kVirtual;
-  return named ? uri->name : fmt::format("run-{}", ::getpid());
+  static std::atomic<int> runs = 0;  // A suite has several at once.
+  return named ? uri->name : fmt::format("run-{}-{}", ::getpid(), ++runs);
 }
 
 /// Tells how parts that are not ours get onto an embedded bus.

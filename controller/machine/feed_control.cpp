@@ -160,9 +160,20 @@ void FeedControl::feed(FeedMode mode, Instant now, Outbox& out) {
 }
 
 void FeedControl::go_safe(Instant now, Outbox& out) {
-  const double flow = safe_flow_kg_per_s();
+  const double flow = calc_safe_now_kg_per_s(now);
   command_.U = flow > 0.0 ? settings_.model.holding_ratio(set_point_m()) : 0.0;
   send_flow(now, flow, out);
+}
+
+/// The safe flow is for a screw that turns and a filled zone that ends somewhere: less onto a screw that is slower or
+/// stands, and nothing onto one that is full.
+double FeedControl::calc_safe_now_kg_per_s(Instant now) const {
+  constexpr double kMuchSlower = 0.7;  // The published screws swing by 40 %, but for seconds.
+  const bool full = loop_->has_estimate() && loop_->newest_x_m() >= settings_.limits.max_filled_length_m;
+  constexpr Nanos kUnseen = 500ms;  // A screw that has not been heard for so long may stand.
+  if (full || !(safe_speed_m_per_s_ > 0.0) || now - loop_->screw_at() > kUnseen) return 0.0;
+  const double share = std::max(loop_->speed_m_per_s() / safe_speed_m_per_s_, 0.0);
+  return safe_flow_kg_per_s() * (share < kMuchSlower ? share : 1.0);
 }
 
 void FeedControl::send_flow(Instant now, double flow_kg_per_s, Outbox& out) {

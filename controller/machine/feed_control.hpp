@@ -74,6 +74,7 @@ class FeedControl {
  private:
   void make_loop();
   void send_flow(Instant now, double flow_kg_per_s, Outbox& out);
+  [[nodiscard]] double calc_safe_now_kg_per_s(Instant now) const;
   void check_echo(const FeedSample& sample);
 
   ControllerSettings settings_;
