@@ -4,7 +4,7 @@
 BIN := build/release/bin
 RUN_OUT := build/run
 
-.PHONY: run test test-kernel build bench bench-realtime asan tsan fuzz deps clean
+.PHONY: run test test-kernel torture build bench bench-realtime asan tsan fuzz deps clean
 
 run: build
 	@$(BIN)/meltbench run fixtures/scenarios/delay_compensation.toml --out $(RUN_OUT)
@@ -20,6 +20,10 @@ test-kernel: build
 build: deps
 	@cmake --preset release >build/configure.log 2>&1 || { cat build/configure.log; exit 1; }
 	@cmake --build --preset release --target meltbench plant_emulator controller
+
+# Faults by chance; a seed that fails prints the command that repeats it.
+torture: build
+	@$(BIN)/meltbench torture fixtures/torture/bizone.toml fixtures/torture/coupled.toml --seeds 1..10000 --out build/torture
 
 bench: build
 	@cmake --build --preset release --target meltbench_benchmarks

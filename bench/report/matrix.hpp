@@ -9,10 +9,10 @@ namespace meltbench::report {
 
 /// One run of a suite.
 struct MatrixCell {
-  std::string row;     ///< What it was tried on: "board.feeder".
-  std::string column;  ///< What was tried: "off".
-  std::string name;    ///< Of the run.
-  std::string note;    ///< The smallest margin, or what failed.
+  std::string row;               ///< What it was tried on: "board.feeder".
+  std::string column;            ///< What was tried: "off".
+  std::string name;              ///< Of the run.
+  std::string note;              ///< The smallest margin, or what failed.
   std::filesystem::path report;  ///< Relative to the page.
   bool held = false;
 };
