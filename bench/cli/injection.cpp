@@ -1,6 +1,7 @@
 #include "bench/cli/injection.hpp"
 
 #include <string_view>
+#include <utility>
 
 namespace meltbench::cli {
 
@@ -15,8 +16,10 @@ Injection::Injection(std::vector<fault::Fault> faults, std::uint64_t seed,
     signals.insert(signals.end(), port->signals().begin(), port->signals().end());
   }
   const auto report = [&observer](const Event& event) { observer.on_event(bus::kOutsideSender, event); };
-  injector_ = std::make_unique<fault::Injector>(std::move(faults),
-                                                fault::Injector::Setup{seed, signals, names, emulator, report});
+  std::vector<std::string> lines;
+  if (!ports.empty()) lines.assign(ports[emulator]->lines().begin(), ports[emulator]->lines().end());
+  injector_ = std::make_unique<fault::Injector>(
+      std::move(faults), fault::Injector::Setup{seed, signals, names, emulator, report, std::move(lines)});
   for (std::size_t number = 0; number < ports.size(); ++number) {
     skewed_.push_back(std::make_unique<fault::SkewedPort>(*ports[number], injector_->clock_of(number)));
     ports_.push_back(skewed_.back().get());

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "bench/bus/bit_timed_medium.hpp"
+
 namespace meltbench::fault {
 
 namespace {
@@ -46,7 +48,8 @@ Injector::Injector(std::vector<Fault> faults, const Setup& setup)
       participants_{setup.participants.begin(), setup.participants.end()},
       emulator_{setup.emulator},
       report_{setup.report},
-      clocks_(setup.participants.size()) {
+      clocks_(setup.participants.size()),
+      wires_{setup.emulator, setup.emulator_lines} {
   for (Fault& fault : faults) plan(std::move(fault));
   update_deadline();
 }
@@ -117,13 +120,27 @@ void Injector::begin(std::size_t number, Instant now, bus::RunControl& run) {
     if (fault.kind() == Kind::kDrift) clock.set_drift(now, fault.value("drift_ppm"));
     if (fault.kind() == Kind::kStep) clock.step(now, nanos_from_ms(fault.value("step_ms")));
   }
+  wires_.begin(number, fault, planned.seed, now, run);
+  if (fault.kind() == Kind::kCorrupt && flip_on_wire(planned, now, run)) planned.phase = Phase::kOver;
   if (is_moment(fault.kind())) planned.phase = Phase::kOver;
+}
+
+/// Where frames have bits, they are corrupted there: an error frame, and the sender repeats.
+bool Injector::flip_on_wire(const Planned& planned, Instant now, bus::RunControl& run) {
+  bus::BitTimedMedium* medium = run.medium();
+  if (medium == nullptr) return false;
+  constexpr std::size_t kBit = 20;  // Behind the identifier: it disturbs no arbitration.
+  const FrameMatch& frames = planned.fault.frames;
+  medium->bus().flip(now,
+                     {.id = frames.id, .mask = frames.mask, .bit = kBit, .frames = planned.fault.count.value_or(1)});
+  return true;
 }
 
 void Injector::end(std::size_t number, Instant now, bus::RunControl& run) {
   Planned& planned = faults_[number];
   const Fault& fault = planned.fault;
   planned.phase = Phase::kOver;
+  wires_.end(number, fault, now, run);
   if (is_order(fault.target)) run.post_order(emulator_, write_order(number, false, fault));
   if (fault.target == Target::kClock) {
     const auto of = std::find(participants_.begin(), participants_.end(), fault.object);

@@ -11,6 +11,7 @@
 
 #include "bench/bus/intervention.hpp"
 #include "bench/fault/clock_skew.hpp"
+#include "bench/fault/wire_faults.hpp"
 #include "protocols/fault/fault.hpp"
 #include "protocols/participant/participant.hpp"
 
@@ -20,6 +21,7 @@ namespace meltbench::fault {
 /// emulator; faults of a clock to that participant's ClockSkew.
 ///
 /// On the ideal bus a frame whose bits are flipped fails its CRC in every receiver and is lost; there is no repetition.
+/// On the bit-timed bus a bit of it is flipped on the wire: an error frame, and the sender repeats.
 /// Chance depends on the run's seed, the fault's seed, its place in the list and the number of the frame alone: equal
 /// seeds give equal runs. Every begin and end is an event of the bench, "fault-on" and "fault-off".
 /// Cost: a comparison per fault and frame; no allocation but at begin and end, and for frames that are held back.
@@ -33,6 +35,7 @@ class Injector final : public bus::Intervention {
     std::span<const std::string_view> participants;  ///< By number.
     std::size_t emulator = 0;                        ///< Number of the participant that carries out orders.
     Report report;
+    std::vector<std::string> emulator_lines{};  ///< Its serial lines, by its own numbers.
   };
 
   /// @throws config::ConfigError if a trigger names a signal that is not there.
@@ -80,6 +83,7 @@ class Injector final : public bus::Intervention {
   [[nodiscard]] bool hits(Planned& planned, const can::CanFrame& frame) const;
   [[nodiscard]] bool apply(Planned& planned, const can::StampedFrame& frame, std::size_t sender);
   void pass_held(Instant now);
+  [[nodiscard]] static bool flip_on_wire(const Planned& planned, Instant now, bus::RunControl& run);
   void release_held(Instant now, bus::RunControl& run);
   void tell(Instant now, std::string_view code, const Planned& planned, std::string_view more) const;
   void update_deadline();
@@ -91,6 +95,7 @@ class Injector final : public bus::Intervention {
   Report report_;
   std::vector<Planned> faults_;
   std::vector<ClockSkew> clocks_;
+  WireFaults wires_;
   std::vector<Held> held_;  ///< In the order in which they were taken.
   Instant deadline_ = Instant::never();
 };

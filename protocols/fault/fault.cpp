@@ -56,6 +56,11 @@ bool is_in(std::string_view list, std::string_view word) {
   return false;
 }
 
+/// The wire fails for all, or one node on it.
+bool is_of_node(Kind kind) {
+  return kind == Kind::kOpenCircuit || kind == Kind::kBabble || kind == Kind::kWrongBitRate || kind == Kind::kBusOff;
+}
+
 bool can_do(const KindInfo& info, const ObjectInfo* object, const Scope* scope) {
   if (object != nullptr && !is_in(object->kinds, info.name)) return false;
   return scope == nullptr || info.target != Target::kPlant || plant_can(info.kind, *scope);
@@ -71,7 +76,8 @@ SplitTarget split(std::string_view text) {
   const std::string_view head = text.substr(0, dot);
   std::size_t target = 0;
   while (target < kTargets && name_of(static_cast<Target>(target)) != head) ++target;
-  return {static_cast<Target>(target), dot == std::string_view::npos ? std::string{} : std::string{text.substr(dot + 1)}};
+  return {static_cast<Target>(target),
+          dot == std::string_view::npos ? std::string{} : std::string{text.substr(dot + 1)}};
 }
 
 SplitTarget read_target(const Section& section, const Scope* scope) {
@@ -93,6 +99,7 @@ const KindInfo& read_kind(const Section& section, const SplitTarget& where, cons
   std::vector<std::string_view> possible;
   for (const KindInfo& info : vocabulary()) {
     if (info.target != where.target || !can_do(info, object, scope)) continue;
+    if (info.target == Target::kBus && is_of_node(info.kind) == where.object.empty()) continue;
     if (info.name == kind) return info;
     possible.push_back(info.name);
   }
@@ -178,8 +185,15 @@ Fault read_fault(const Section& section, const Scope* scope, bool live) {
 
 std::vector<std::string> list_targets(const Scope& scope) {
   std::vector<std::string> targets{"frame", "plant", "clock.controller", "clock.plant"};
+  if (scope.rig.bus.fidelity == config::BusFidelity::kBitTimed) {
+    targets.insert(targets.end(), {"bus", "bus.controller"});
+    for (const config::RigBoard& board : scope.rig.boards) {
+      if (!board.is_real && !board.is_on_line()) targets.push_back("bus." + board.name);
+    }
+  }
+  for (const config::RigLine& line : scope.rig.lines) targets.push_back("line." + line.name);
   for (const config::RigBoard& board : scope.rig.boards) {
-    if (!board.is_real) targets.push_back("board." + board.name);
+    if (!board.is_real && !board.is_on_line()) targets.push_back("board." + board.name);
   }
   for (const ObjectInfo& object : objects()) {
     if (has_board(scope.rig, object.board_kind)) {
@@ -194,7 +208,9 @@ std::vector<const KindInfo*> list_kinds(std::string_view target, const Scope& sc
   const ObjectInfo* object = find_object(where.target, where.object);
   std::vector<const KindInfo*> kinds;
   for (const KindInfo& info : vocabulary()) {
-    if (info.target == where.target && can_do(info, object, &scope)) kinds.push_back(&info);
+    if (info.target != where.target || !can_do(info, object, &scope)) continue;
+    if (info.target == Target::kBus && is_of_node(info.kind) == where.object.empty()) continue;
+    kinds.push_back(&info);
   }
   return kinds;
 }

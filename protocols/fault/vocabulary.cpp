@@ -66,6 +66,21 @@ constexpr std::array kVocabulary{
     row(Target::kPlant, Kind::kNozzleClog, "nozzle_clog", Parameter{"closed_share", Unit::kAsNamed, 0, 0.99, {}}),
     row(Target::kPlant, Kind::kColdStart, "cold_start"),
 
+    row(Target::kBus, Kind::kShortCircuit, "short_circuit"),
+    row(Target::kBus, Kind::kStuckDominant, "stuck_dominant"),
+    row(Target::kBus, Kind::kNoise, "noise", Parameter{"bit_error_rate", Unit::kAsNamed, 0, 1, {}}),
+    row(Target::kBus, Kind::kOpenCircuit, "open_circuit"),
+    row(Target::kBus, Kind::kBabble, "babble", Parameter{"id", Unit::kAsNamed, 0, 0x7FF, 0.0}),
+    row(Target::kBus, Kind::kWrongBitRate, "wrong_bit_rate", Parameter{"divider", Unit::kAsNamed, 2, 50, 2.0}),
+    row(Target::kBus, Kind::kBusOff, "bus_off"),
+
+    row(Target::kLine, Kind::kNoise, "noise", Parameter{"share", Unit::kAsNamed, 0, 1, 0.01}),
+    row(Target::kLine, Kind::kDrop, "drop", Parameter{"share", Unit::kAsNamed, 0, 1, 0.01}),
+    row(Target::kLine, Kind::kHalfFrame, "half_frame", Parameter{"share", Unit::kAsNamed, 0, 1, 1.0}),
+    row(Target::kLine, Kind::kWrongParity, "wrong_parity"),
+    row(Target::kLine, Kind::kStall, "stall", Parameter{"delay_ms", Unit::kAsNamed, 0.001, 60'000, {}}),
+    row(Target::kLine, Kind::kUnplugged, "unplugged"),
+
     row(Target::kClock, Kind::kDrift, "drift", Parameter{"drift_ppm", Unit::kAsNamed, -100'000, 100'000, {}}),
     row(Target::kClock, Kind::kStep, "step", Parameter{"step_ms", Unit::kAsNamed, 0.001, 60'000, {}}),
 };

@@ -55,6 +55,15 @@ enum class Kind : std::uint8_t {
   kColdStart,
   // clock
   kStep,
+  // bus and line
+  kStuckDominant,
+  kBabble,
+  kWrongBitRate,
+  kBusOff,
+  kHalfFrame,
+  kWrongParity,
+  kStall,
+  kUnplugged,
 };
 
 /// What the unit at the end of a parameter's key is.
