@@ -309,6 +309,7 @@ std::string render_title(std::span<const Run> runs) {
     total += run.results->checks.size();
     for (const check::CheckResult& check : run.results->checks) skipped += check.skipped.empty() ? 0 : 1;
   }
+  total -= skipped;
   std::string verdict = failed == 0 ? (total == 1 ? "The check held" : fmt::format("All {} checks held", total))
                                     : fmt::format("{} of {} failed", failed, count_of(total, "check"));
   std::string detail = count_of(runs.size(), "run");
