@@ -13,21 +13,6 @@ namespace {
 
 constexpr int kAcceptPoll_ms = 20;
 
-/// Takes one connection and reads its hello; nothing if none comes, or if it says something else.
-std::optional<Joined> accept_program(const link::UniqueFd& listener) {
-  pollfd waiting{listener.get(), POLLIN, 0};
-  if (::poll(&waiting, 1, kAcceptPoll_ms) <= 0) return std::nullopt;
-  link::UniqueFd connection{::accept4(listener.get(), nullptr, nullptr, SOCK_CLOEXEC)};
-  if (!connection) return std::nullopt;
-  link::BenchSocket socket{std::move(connection)};
-  socket.set_timeout(kWatchdog);
-  std::span<const std::uint8_t> message;
-  if (socket.receive(message) != link::ReceiveStatus::kMessage) return std::nullopt;
-  auto hello = runtime::read_hello(message);
-  if (!hello) return std::nullopt;
-  return Joined{std::move(*hello), std::move(socket)};
-}
-
 }  // namespace
 
 Broker::Broker(std::string bus_name) : bus_name_{std::move(bus_name)}, listener_{link::listen_embedded_bus(bus_name_)} {
@@ -43,14 +28,15 @@ std::optional<std::vector<Joined>> Broker::wait_for(std::span<const std::string>
   std::vector<std::optional<Joined>> found(names.size());
   while (!std::ranges::all_of(found, [](const auto& joined) { return joined.has_value(); })) {
     if (give_up()) return std::nullopt;
-    auto joined = accept_program(listener_);
+    wait_for_news();
+    auto joined = take_hello();
     if (!joined) continue;
-    const auto wanted = std::ranges::find(names, joined->hello.name);
-    if (wanted == names.end()) {
+    const auto place = static_cast<std::size_t>(std::ranges::find(names, joined->hello.name) - names.begin());
+    if (place < names.size() && !found[place]) {
+      found[place] = std::move(joined);
+    } else {
       early_.push_back(std::move(*joined));
-      continue;
     }
-    found[static_cast<std::size_t>(wanted - names.begin())] = std::move(joined);
   }
   std::vector<Joined> result;
   for (auto& joined : found) result.push_back(std::move(*joined));
@@ -58,11 +44,20 @@ std::optional<std::vector<Joined>> Broker::wait_for(std::span<const std::string>
 }
 
 std::optional<Joined> Broker::take_newcomer() {
-  if (!early_.empty()) {
-    Joined first = std::move(early_.front());
-    early_.pop_front();
-    return first;
-  }
+  if (early_.empty()) return take_hello();
+  Joined first = std::move(early_.front());
+  early_.pop_front();
+  return first;
+}
+
+void Broker::wait_for_news() const {
+  std::vector<pollfd> watched{{listener_.get(), POLLIN, 0}};
+  for (const link::BenchSocket& socket : silent_) watched.push_back({socket.fd(), POLLIN, 0});
+  ::poll(watched.data(), watched.size(), kAcceptPoll_ms);
+}
+
+/// However long a program takes from its connecting to its hello: on a busy machine that can be seconds.
+std::optional<Joined> Broker::take_hello() {
   link::UniqueFd connection{::accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC)};
   if (connection) silent_.emplace_back(std::move(connection));
   for (auto socket = silent_.begin(); socket != silent_.end(); ++socket) {

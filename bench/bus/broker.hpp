@@ -45,6 +45,10 @@ class Broker {
   [[nodiscard]] const std::string& bus_name() const { return bus_name_; }
 
  private:
+  void wait_for_news() const;
+  /// The next program that has said who it is. Does not wait.
+  [[nodiscard]] std::optional<Joined> take_hello();
+
   std::string bus_name_;
   link::UniqueFd listener_;
   std::deque<Joined> early_;               ///< Came while others were waited for.
