@@ -77,8 +77,8 @@ TEST_CASE("Report: hostile text stays text", "[report]") {
 TEST_CASE("Report: verdict first, with every margin and the command that repeats the run", "[report]") {
   const std::vector<SampleRun> samples = make_three(1);
   const std::string page = render_report(borrow(samples));
-  CHECK(page.find("2 of 13 checks failed") != std::string::npos);
-  CHECK(page.find("2 of 13 checks failed") < page.find("id=\"plots\""));
+  CHECK(page.find("2 of 11 checks failed") != std::string::npos);
+  CHECK(page.find("2 of 11 checks failed") < page.find("id=\"plots\""));
   CHECK(page.find("-100 µm") != std::string::npos);
   CHECK(page.find("meltbench run fixtures/scenarios/delay_compensation.toml --seed 7") != std::string::npos);
   const std::vector<SampleRun> good{make_sample_run(2, 1)};
