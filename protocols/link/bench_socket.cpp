@@ -124,7 +124,9 @@ SendStatus BenchSocket::try_send(std::span<const std::uint8_t> message) noexcept
 }
 
 ReceiveStatus BenchSocket::receive(std::span<const std::uint8_t>& message, int flags) noexcept {
-  const ssize_t size = ::recv(socket_.get(), buffer_.data(), buffer_.size(), flags);
+  ssize_t size = ::recv(socket_.get(), buffer_.data(), buffer_.size(), flags);
+  // Said once when the other end has gone with something of ours unread; what it had sent before still waits.
+  if (size < 0 && errno == ECONNRESET) size = ::recv(socket_.get(), buffer_.data(), buffer_.size(), flags);
   if (size > 0) {
     message = {buffer_.data(), static_cast<std::size_t>(size)};
     return ReceiveStatus::kMessage;

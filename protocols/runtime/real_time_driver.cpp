@@ -82,8 +82,12 @@ DriverEnd RealTimeDriver::run() {
   }
   report();
   if (bench_ != nullptr) bench_->report_timing(lateness_);
-  if (bench_ == nullptr) log_lateness();
-  return bench_ != nullptr && bench_->lost() ? DriverEnd::kBenchLost : DriverEnd::kStopped;
+  if (bench_ == nullptr) {
+    log_lateness();
+    return DriverEnd::kStopped;
+  }
+  bench_->poll_stop();  // A bench that closes behind its Stop makes a sending fail before the Stop is read.
+  return bench_->stopped() || stop_requested() ? DriverEnd::kStopped : DriverEnd::kBenchLost;
 }
 
 void RealTimeDriver::note_lateness(Instant deadline) {

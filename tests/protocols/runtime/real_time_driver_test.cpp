@@ -194,3 +194,22 @@ TEST_CASE("Real-time driver: bytes go out over a serial port, arrive, and the pa
   REQUIRE(bench.send(writer.bytes()));
   loop.join();
 }
+
+TEST_CASE("Real-time driver: a bench that says stop and closes at once, with reports unread, has not been lost",
+          "[runtime]") {
+  auto can = make_pair(SOCK_DGRAM);
+  auto bench = make_pair(SOCK_SEQPACKET);
+  BenchClient client{link::BenchSocket{std::move(bench[0])}};
+  client.report(Instant{}, {}, {});  // Nobody will read it.
+  {
+    link::BenchSocket far{std::move(bench[1])};
+    link::MessageWriter writer;
+    writer.begin(link::MessageType::kStop);
+    REQUIRE(far.send(writer.bytes()));
+  }
+  test::Metronome metronome{"metronome", 0x123, 1ms};
+  link::SocketCanLink link{std::move(can[0]), "test0", false};
+  RealTimeDriver driver{metronome, link, &client, {link::Pace::kWallClock, 1.0, read_monotonic(), 2ms}};
+  client.report(Instant{}, {}, {});  // Fails: the bench has closed.
+  CHECK(driver.run() == DriverEnd::kStopped);
+}
