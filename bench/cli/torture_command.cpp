@@ -189,11 +189,17 @@ class Torture {
   void work(std::size_t thread) {
     for (std::uint64_t seed = next_++; seed <= seeds_.last && !runtime::stop_requested(); seed = next_++) {
       running_seeds.at(thread) = seed;
-      const scenario::ResolvedRun run = make_run(bases_[seed % bases_.size()], seed);
+      const scenario::ResolvedRun run = make_next(seed);
       const Verdict verdict = run_seed(run);
       note(run, verdict);
     }
     running_seeds.at(thread) = 0;
+  }
+
+  /// One thread at a time: a section notes what is read of it.
+  [[nodiscard]] scenario::ResolvedRun make_next(std::uint64_t seed) {
+    const std::lock_guard lock{making_};
+    return make_run(bases_[seed % bases_.size()], seed);
   }
 
   [[nodiscard]] std::size_t failed() const { return failed_; }
@@ -221,6 +227,7 @@ class Torture {
     fmt::print("seed {}: {}\n  meltbench run {} --in-process\n", run.seed, verdict.wrong, file.string());
   }
 
+  std::mutex making_;
   const TortureRequest& request_;
   std::vector<scenario::ResolvedRun> bases_;
   Seeds seeds_;
