@@ -44,7 +44,7 @@ ExitStatus list_signals(const std::filesystem::path& scenario) {
   };
   if (prepared.controller) print(prepared.controller->signals());
   if (prepared.plant) print(prepared.plant->signals());
-  print(record::WireSignals{prepared.run.rig.boards, {}}.signals());
+  print(decode::WireSignals{prepared.run.rig.boards, {}}.signals());
   return ExitStatus::kHeld;
 }
 

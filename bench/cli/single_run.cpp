@@ -43,7 +43,7 @@ constexpr const char* kPlant = "plant";
 class Observer final : public bus::RunObserver {
  public:
   /// @param wire  null: its signals are not recorded.
-  Observer(record::RunRecorder& recorder, record::WireSignals* wire, Progress& progress)
+  Observer(record::RunRecorder& recorder, decode::WireSignals* wire, Progress& progress)
       : recorder_{recorder},
         names_{recorder.recording().info.participants},
         wire_{wire},
@@ -87,7 +87,7 @@ class Observer final : public bus::RunObserver {
   static constexpr Nanos kFlushPeriod = 1s;
   record::RunRecorder& recorder_;
   std::vector<std::string> names_;
-  record::WireSignals* wire_;
+  decode::WireSignals* wire_;
   std::deque<can::StampedFrame> not_in_a_row_;
   std::vector<double> row_;
   Progress& progress_;
@@ -203,7 +203,7 @@ void open_recorder(std::optional<record::RunRecorder>& recorder, const PreparedR
   recorder.emplace(prepared.info, std::move(signals), prepared.folder);
 }
 
-record::WireSignals* wire_of(PreparedRun& prepared) {
+decode::WireSignals* wire_of(PreparedRun& prepared) {
   return prepared.wire ? &*prepared.wire : nullptr;
 }
 

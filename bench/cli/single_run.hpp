@@ -7,8 +7,8 @@
 
 #include "bench/check/read_checks.hpp"
 #include "bench/cli/run_request.hpp"
+#include "bench/decode/wire_signals.hpp"
 #include "bench/record/recording.hpp"
-#include "bench/record/wire_signals.hpp"
 #include "bench/scenario/scenario.hpp"
 #include "protocols/fault/fault.hpp"
 #include "protocols/participant/participant.hpp"
@@ -27,7 +27,7 @@ struct PreparedRun {
   std::unique_ptr<Participant> plant;         ///< Null: every board is real.
   std::vector<std::string> plant_lines;       ///< LINE=PORT, of serial lines that are ports of this machine.
   std::vector<std::string> controller_lines;  ///< The same.
-  std::optional<record::WireSignals> wire;    ///< Recorded where parts are not ours, or a check asks for it.
+  std::optional<decode::WireSignals> wire;    ///< Recorded where parts are not ours, or a check asks for it.
 };
 
 /// Reads everything that the run's programs will read, so that every mistake in a file is told before anything starts.

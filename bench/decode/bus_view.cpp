@@ -4,37 +4,14 @@
 
 #include <algorithm>
 
-#include "protocols/canopen/eds.hpp"
 #include "protocols/canopen/emcy.hpp"
-#include "protocols/config/toml.hpp"
+#include "protocols/canopen/sdo.hpp"
 
 namespace meltbench::decode {
 namespace {
 
 constexpr std::uint32_t kNodeMask = 0x7F;
 constexpr std::uint32_t kFunctionMask = 0x780;
-constexpr std::uint16_t kLastCommunicationObject = 0x1FFF;
-
-double to_number(const canopen::OdEntry& entry, std::span<const std::uint8_t> bytes) {
-  switch (entry.info().type) {
-    case canopen::DataType::kReal32:
-      return bytes.size() >= 4 ? static_cast<double>(canopen::load<float>(bytes)) : 0.0;
-    case canopen::DataType::kReal64:
-      return bytes.size() >= 8 ? canopen::load<double>(bytes) : 0.0;
-    default:
-      break;
-  }
-  std::uint64_t raw = 0;
-  for (std::size_t i = 0; i < bytes.size() && i < 8; ++i) raw |= std::uint64_t{bytes[i]} << (8 * i);
-  const std::size_t bits = 8 * std::min<std::size_t>(bytes.size(), 8);
-  const bool is_negative = canopen::is_signed(entry.info().type) && bits > 0 && ((raw >> (bits - 1)) & 1U) != 0;
-  if (is_negative && bits < 64) raw |= ~std::uint64_t{0} << bits;
-  return is_negative ? static_cast<double>(static_cast<std::int64_t>(raw)) : static_cast<double>(raw);
-}
-
-canopen::ObjectAddress sdo_address(const can::CanFrame& frame) {
-  return {static_cast<std::uint16_t>(frame.bytes[1] | frame.bytes[2] << 8U), frame.bytes[3]};
-}
 
 Service to_service(std::uint32_t id) {
   switch (id & kFunctionMask) {
@@ -69,92 +46,36 @@ std::string describe_nmt(const can::CanFrame& frame, const std::string& whom) {
 
 BusView::BusView(const config::Rig& rig) : controller_id_{rig.controller_node_id} {
   for (const config::RigBoard& board : rig.boards) {
-    if (board.node_id == 0) continue;  // On a serial line.
-    auto node = std::make_unique<Node>();
-    node->name = board.name;
-    node->id = board.node_id;
-    const std::string text = config::read_text_file(board.eds, board.section.origin());
-    node->dictionary = std::move(canopen::read_eds(text, board.eds.string(), board.node_id).dictionary);
-    nodes_.push_back(std::move(node));
+    if (!board.is_on_line()) boards_.emplace_back(board);
   }
   list_pdos();
 }
 
 void BusView::list_pdos() {
   pdos_.fill({});
-  for (const auto& node : nodes_) {
-    node->tpdos = canopen::read_pdos(node->dictionary, canopen::PdoDirection::kTransmit);
-    node->rpdos = canopen::read_pdos(node->dictionary, canopen::PdoDirection::kReceive);
-    for (canopen::Pdo& pdo : node->tpdos) {
-      if (pdo.active && !pdo.extended) pdos_[pdo.id] = {node.get(), &pdo, canopen::PdoDirection::kTransmit};
-    }
-    for (canopen::Pdo& pdo : node->rpdos) {
-      if (pdo.active && !pdo.extended) pdos_[pdo.id] = {node.get(), &pdo, canopen::PdoDirection::kReceive};
+  for (const BoardObjects& board : boards_) {
+    for (const FollowedPdo& followed : board.pdos()) {
+      const canopen::Pdo& pdo = followed.pdo;
+      if (pdo.active && !pdo.extended && pdo.id <= can::kMaxStandardId) pdos_[pdo.id] = {&board, &followed};
     }
   }
 }
 
-const BusView::Node* BusView::find_node(std::uint8_t id) const {
-  for (const auto& node : nodes_) {
-    if (node->id == id) return node.get();
-  }
-  return nullptr;
-}
-
-BusView::Node* BusView::find_node(std::uint8_t id) {
-  return const_cast<Node*>(std::as_const(*this).find_node(id));
+const BoardObjects* BusView::find_board(std::uint8_t node) const {
+  const auto found = std::ranges::find(boards_, node, &BoardObjects::node_id);
+  return found == boards_.end() ? nullptr : &*found;
 }
 
 const BusView::PdoPlace* BusView::find_pdo(const can::CanFrame& frame) const {
   if (frame.extended || frame.kind != can::FrameKind::kData || frame.id > can::kMaxStandardId) return nullptr;
   const PdoPlace& place = pdos_[frame.id];
-  return place.pdo == nullptr ? nullptr : &place;
+  return place.followed == nullptr ? nullptr : &place;
 }
 
 void BusView::take(const can::CanFrame& frame) {
-  const FrameMeaning meaning = meaning_of(frame);
-  Node* node = meaning.node == 0 ? nullptr : find_node(meaning.node);
-  if (node == nullptr || frame.length == 0) return;
-  switch (meaning.service) {
-    case Service::kSdoRequest:
-      return note_download(*node, frame);
-    case Service::kSdoResponse:
-      if (frame.bytes[0] == 0x60) confirm_download(*node);
-      node->asked.reset();
-      return;
-    case Service::kHeartbeat:
-      if (frame.bytes[0] == 0) restore_defaults(*node);
-      return;
-    default:
-      return;
-  }
-}
-
-/// Only what changes PDOs is of interest, and that fits into expedited transfers.
-void BusView::note_download(Node& node, const can::CanFrame& request) {
-  node.asked.reset();
-  const std::uint8_t command = request.bytes[0];
-  const canopen::ObjectAddress address = sdo_address(request);
-  constexpr std::uint8_t kExpeditedWithSize = 0x23;
-  if (request.length != 8 || (command & 0xE3U) != kExpeditedWithSize || !canopen::is_pdo_object(address.index)) return;
-  const std::size_t size = 4U - ((command >> 2U) & 3U);
-  node.asked = Node::Download{address, {request.bytes.begin() + 4, request.bytes.begin() + 4 + size}};
-}
-
-void BusView::confirm_download(Node& node) {
-  if (!node.asked) return;
-  canopen::OdEntry* entry = node.dictionary.find(node.asked->address.index, node.asked->address.sub);
-  if (entry == nullptr || entry->check_size(node.asked->value.size()) != canopen::AbortCode::kNone) return;
-  entry->assign(node.asked->value);
-  const bool is_finished = node.asked->address.sub <= 1;  // A mapping is closed by sub 0, a PDO switched by sub 1.
-  if (is_finished) list_pdos();
-}
-
-void BusView::restore_defaults(Node& node) {
-  for (auto& [address, entry] : node.dictionary.entries()) {
-    if (address.index <= kLastCommunicationObject) entry.restore_default();
-  }
-  list_pdos();
+  bool has_changed = false;
+  for (BoardObjects& board : boards_) has_changed |= board.follow(frame).pdos;
+  if (has_changed) list_pdos();
 }
 
 FrameMeaning BusView::meaning_of(const can::CanFrame& frame) const {
@@ -163,10 +84,10 @@ FrameMeaning BusView::meaning_of(const can::CanFrame& frame) const {
   if (frame.id == canopen::cob_id::kNmt) return {Service::kNmt, 0, 0};
   if (frame.id == canopen::cob_id::kSync) return {Service::kSync, 0, 0};
   if (const PdoPlace* place = find_pdo(frame)) {
-    const bool is_sent = place->direction == canopen::PdoDirection::kTransmit;
-    const canopen::Pdo& pdo = *place->pdo;
+    const bool is_sent = place->followed->direction == canopen::PdoDirection::kTransmit;
+    const canopen::Pdo& pdo = place->followed->pdo;
     const bool is_cyclic = is_sent && ((pdo.is_synchronous() && pdo.type > 0) || pdo.event_time > Nanos{0});
-    return {is_sent ? Service::kTpdo : Service::kRpdo, place->node->id, static_cast<std::uint8_t>(pdo.number),
+    return {is_sent ? Service::kTpdo : Service::kRpdo, place->board->node_id(), static_cast<std::uint8_t>(pdo.number),
             is_cyclic};
   }
   if ((frame.id & kFunctionMask) == canopen::cob_id::kSync) return {Service::kEmcy, node, 0};
@@ -195,26 +116,16 @@ std::span<const DecodedValue> BusView::values_of(const can::CanFrame& frame) {
   values_.clear();
   const PdoPlace* place = find_pdo(frame);
   if (place == nullptr) return values_;
-  canopen::ObjectDictionary& objects = place->node->dictionary;
-  const auto index = static_cast<std::uint16_t>(canopen::pdo_mapping_index(place->direction) + place->pdo->number - 1);
-  const std::int64_t count = objects.integer_or(index, 0, 0);
-  std::size_t first = 0;
-  for (std::uint8_t sub = 1; sub <= count; ++sub) {
-    const auto mapped = static_cast<std::uint32_t>(objects.integer_or(index, sub, 0));
-    const std::size_t size = (mapped & 0xFFU) / 8;
-    if (first + size > frame.data().size()) break;
-    const canopen::ObjectAddress address{static_cast<std::uint16_t>(mapped >> 16U),
-                                         static_cast<std::uint8_t>(mapped >> 8U)};
-    if (const canopen::OdEntry* entry = objects.find(address.index, address.sub)) {
-      values_.push_back({address, entry->info().name, to_number(*entry, frame.data().subspan(first, size))});
-    }
-    first += size;
+  for (const MappedObject& object : place->followed->objects) {
+    if (object.first + object.size > frame.data().size()) break;
+    values_.push_back({object.entry->address(), object.entry->info().name,
+                       to_number(*object.entry, frame.data().subspan(object.first, object.size))});
   }
   return values_;
 }
 
 std::string BusView::name_of(std::uint8_t node) const {
-  if (const Node* known = find_node(node)) return known->name;
+  if (const BoardObjects* board = find_board(node)) return board->name();
   return node == controller_id_ ? "controller" : fmt::format("node {}", node);
 }
 
@@ -260,7 +171,7 @@ std::string BusView::describe_values(const can::CanFrame& frame) {
 std::string BusView::describe_sdo(const FrameMeaning& meaning, const can::CanFrame& frame) const {
   const std::string who = name_of(meaning.node);
   if (frame.length != 8) return fmt::format("{} SDO of {} bytes", who, frame.length);
-  const canopen::ObjectAddress address = sdo_address(frame);
+  const canopen::ObjectAddress address = canopen::sdo_address(frame.bytes);
   const unsigned command = frame.bytes[0] >> 5U;
   if (frame.bytes[0] == 0x80) {
     const auto code = static_cast<canopen::AbortCode>(canopen::load<std::uint32_t>(frame.data(), 4));

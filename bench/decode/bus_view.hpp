@@ -3,17 +3,13 @@
 
 #include <array>
 #include <cstdint>
-#include <memory>
-#include <optional>
+#include <deque>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "protocols/can/frame.hpp"
-#include "protocols/canopen/object_dictionary.hpp"
-#include "protocols/canopen/pdo.hpp"
-#include "protocols/config/rig.hpp"
+#include "bench/decode/board_objects.hpp"
 
 namespace meltbench::decode {
 
@@ -40,7 +36,7 @@ struct FrameMeaning {
 class BusView {
  public:
   /// Boards on serial lines are passed over.
-  /// @throws canopen::EdsError, config::ConfigError if an EDS cannot be read.
+  /// @throws config::ConfigError at the board whose EDS cannot be used.
   explicit BusView(const config::Rig& rig);
 
   /// Takes note of one frame, in the order of the bus.
@@ -58,36 +54,19 @@ class BusView {
   [[nodiscard]] std::string name_of(std::uint8_t node) const;
 
  private:
-  struct Node {
-    std::string name;
-    std::uint8_t id = 0;
-    canopen::ObjectDictionary dictionary;
-    std::vector<canopen::Pdo> tpdos;
-    std::vector<canopen::Pdo> rpdos;
-    struct Download {
-      canopen::ObjectAddress address;
-      std::vector<std::uint8_t> value;
-    };
-    std::optional<Download> asked;  ///< Of a PDO's objects, not answered yet.
-  };
   struct PdoPlace {
-    Node* node = nullptr;
-    canopen::Pdo* pdo = nullptr;
-    canopen::PdoDirection direction{};
+    const BoardObjects* board = nullptr;
+    const FollowedPdo* followed = nullptr;
   };
 
-  [[nodiscard]] const Node* find_node(std::uint8_t id) const;
-  [[nodiscard]] Node* find_node(std::uint8_t id);
+  [[nodiscard]] const BoardObjects* find_board(std::uint8_t node) const;
   [[nodiscard]] const PdoPlace* find_pdo(const can::CanFrame& frame) const;
-  void note_download(Node& node, const can::CanFrame& request);
-  void confirm_download(Node& node);
-  void restore_defaults(Node& node);
   void list_pdos();
   [[nodiscard]] std::string describe_sdo(const FrameMeaning& meaning, const can::CanFrame& frame) const;
   [[nodiscard]] std::string describe_values(const can::CanFrame& frame);
 
   std::uint8_t controller_id_;
-  std::vector<std::unique_ptr<Node>> nodes_;
+  std::deque<BoardObjects> boards_;
   std::array<PdoPlace, can::kMaxStandardId + 1> pdos_{};
   std::vector<DecodedValue> values_;
 };

@@ -8,6 +8,7 @@
 
 #include "protocols/can/frame_length.hpp"
 #include "protocols/canopen/emcy.hpp"
+#include "protocols/canopen/sdo.hpp"
 
 namespace meltbench::decode {
 namespace {
@@ -58,10 +59,6 @@ std::string describe_error_class(std::uint32_t id) {
 
 std::uint64_t value_key(std::uint32_t id, canopen::ObjectAddress address) {
   return std::uint64_t{id} << 24U | std::uint64_t{address.index} << 8U | address.sub;
-}
-
-canopen::ObjectAddress address_in(const can::CanFrame& frame) {
-  return {static_cast<std::uint16_t>(frame.bytes[1] | frame.bytes[2] << 8U), frame.bytes[3]};
 }
 
 }  // namespace
@@ -207,8 +204,8 @@ void Story::on_sdo(const FrameMeaning& meaning, const can::CanFrame& frame) {
          .at = now_,
          .node = meaning.node,
          .id = frame.id,
-         .address = address_in(frame),
-         .text = fmt::format("SDO {} of {}: aborted by {} with {:08X}, {}", text(address_in(frame)),
+         .address = canopen::sdo_address(frame.bytes),
+         .text = fmt::format("SDO {} of {}: aborted by {} with {:08X}, {}", text(canopen::sdo_address(frame.bytes)),
                              view_.name_of(meaning.node), who, static_cast<std::uint32_t>(code), text(code))});
     talk.request.reset();
     return;
@@ -238,7 +235,7 @@ void Story::on_sdo(const FrameMeaning& meaning, const can::CanFrame& frame) {
 }
 
 void Story::fail_request(std::uint8_t node, Talk& talk, const std::string& why) {
-  const canopen::ObjectAddress address = address_in(*talk.request);
+  const canopen::ObjectAddress address = canopen::sdo_address(talk.request->bytes);
   add({.kind = FindingKind::kSdoFailed,
        .at = talk.asked_at,
        .node = node,

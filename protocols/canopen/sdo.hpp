@@ -20,6 +20,11 @@ inline constexpr Nanos kDefaultSdoTimeout = 500ms;  ///< Longest wait of either 
 /// True if the frame has the shape of an SDO on this identifier: classic data frame, 11 bits, 8 bytes.
 [[nodiscard]] bool is_sdo_frame(const can::CanFrame& frame, std::uint32_t id);
 
+/// The object that an SDO frame is about. @pre at least 4 bytes; segments have none.
+[[nodiscard]] inline ObjectAddress sdo_address(std::span<const std::uint8_t> frame) {
+  return {load<std::uint16_t>(frame, 1), frame[3]};
+}
+
 /// An SDO frame: command byte, address, last four bytes.
 [[nodiscard]] can::CanFrame make_sdo_frame(std::uint32_t id, std::uint8_t command, ObjectAddress address,
                                            std::uint32_t data = 0);

@@ -7,10 +7,6 @@
 namespace meltbench::canopen {
 namespace {
 
-ObjectAddress address_of(std::span<const std::uint8_t> frame) {
-  return {load<std::uint16_t>(frame, 1), frame[3]};
-}
-
 // A server that never ends its answer is stopped here.
 constexpr std::size_t kMaxUploadBytes = 1U << 20;
 
@@ -141,7 +137,7 @@ void SdoClient::on_download_answer(Instant now, Bytes frame, Frames& out) {
   const bool size_fits_expedited = !result_.value.empty() && result_.value.size() <= 4;
   if (state_ == State::kDownloadInitiated) {
     if (frame[0] != 0x60) return fail(now, AbortCode::kBadCommand, out);
-    if (address_of(frame) != result_.address) return fail(now, AbortCode::kIncompatible, out);
+    if (sdo_address(frame) != result_.address) return fail(now, AbortCode::kIncompatible, out);
     if (size_fits_expedited) return finish(now, SdoStatus::kDone);
     state_ = State::kDownloadSegments;
   } else {
@@ -166,7 +162,7 @@ void SdoClient::send_download_segment(Frames& out) {
 
 void SdoClient::on_upload_initiated(Instant now, Bytes frame, Frames& out) {
   if ((frame[0] & 0xE0U) != 0x40) return fail(now, AbortCode::kBadCommand, out);
-  if (address_of(frame) != result_.address) return fail(now, AbortCode::kIncompatible, out);
+  if (sdo_address(frame) != result_.address) return fail(now, AbortCode::kIncompatible, out);
   const bool expedited = (frame[0] & 0x02U) != 0;
   const bool size_given = (frame[0] & 0x01U) != 0;
   if (expedited) {
@@ -201,7 +197,7 @@ void SdoClient::on_upload_segment(Instant now, Bytes frame, Frames& out) {
 
 void SdoClient::on_block_download_initiated(Instant now, Bytes frame, Frames& out) {
   if ((frame[0] & 0xE3U) != 0xA0) return fail(now, AbortCode::kBadCommand, out);
-  if (address_of(frame) != result_.address) return fail(now, AbortCode::kIncompatible, out);
+  if (sdo_address(frame) != result_.address) return fail(now, AbortCode::kIncompatible, out);
   use_crc_ = (frame[0] & 0x04U) != 0;
   block_size_ = frame[4];
   if (block_size_ == 0 || block_size_ > kMaxBlockSize) return fail(now, AbortCode::kBadBlockSize, out);
@@ -244,7 +240,7 @@ void SdoClient::on_block_upload_initiated(Instant now, Bytes frame, Frames& out)
     return on_upload_initiated(now, frame, out);
   }
   if ((frame[0] & 0xE1U) != 0xC0) return fail(now, AbortCode::kBadCommand, out);
-  if (address_of(frame) != result_.address) return fail(now, AbortCode::kIncompatible, out);
+  if (sdo_address(frame) != result_.address) return fail(now, AbortCode::kIncompatible, out);
   use_crc_ = (frame[0] & 0x04U) != 0;
   if ((frame[0] & 0x02U) != 0) announced_size_ = load<std::uint32_t>(frame, 4);
   receiver_.begin(kMaxBlockSize);

@@ -5,10 +5,6 @@
 namespace meltbench::canopen {
 namespace {
 
-ObjectAddress address_of(std::span<const std::uint8_t> frame) {
-  return {load<std::uint16_t>(frame, 1), frame[3]};
-}
-
 }  // namespace
 
 AbortCode DictionaryObjects::read(Instant /*now*/, ObjectAddress address, std::vector<std::uint8_t>& value) {
@@ -90,14 +86,14 @@ void SdoServer::on_request(Instant now, Bytes frame, Frames& out) {
       if ((frame[0] & 0x01U) == 0) return initiate_block_download(now, frame, out);
       return on_block_download_end(now, frame, out);
     default:
-      if (state_ == State::kIdle) address_ = address_of(frame);
+      if (state_ == State::kIdle) address_ = sdo_address(frame);
       return abort(AbortCode::kBadCommand, out);
   }
 }
 
 void SdoServer::initiate_download(Instant now, Bytes frame, Frames& out) {
   reset();
-  address_ = address_of(frame);
+  address_ = sdo_address(frame);
   const bool expedited = (frame[0] & 0x02U) != 0;
   const bool size_given = (frame[0] & 0x01U) != 0;
   announced_size_.reset();
@@ -143,7 +139,7 @@ void SdoServer::finish_download(Instant now, can::CanFrame answer, Frames& out) 
 
 void SdoServer::initiate_upload(Instant now, Bytes frame, Frames& out) {
   reset();
-  address_ = address_of(frame);
+  address_ = sdo_address(frame);
   const AbortCode code = objects_.read(now, address_, buffer_);
   if (code != AbortCode::kNone) return abort(code, out);
   answer_upload(now, out);
@@ -181,7 +177,7 @@ void SdoServer::on_upload_segment(Instant now, Bytes frame, Frames& out) {
 
 void SdoServer::initiate_block_download(Instant now, Bytes frame, Frames& out) {
   reset();
-  address_ = address_of(frame);
+  address_ = sdo_address(frame);
   announced_size_.reset();
   if ((frame[0] & 0x02U) != 0) announced_size_ = load<std::uint32_t>(frame, 4);
   const AbortCode code = objects_.begin_write(address_, announced_size_);
@@ -220,7 +216,7 @@ void SdoServer::on_block_download_end(Instant now, Bytes frame, Frames& out) {
 
 void SdoServer::initiate_block_upload(Instant now, Bytes frame, Frames& out) {
   reset();
-  address_ = address_of(frame);
+  address_ = sdo_address(frame);
   const AbortCode code = objects_.read(now, address_, buffer_);
   if (code != AbortCode::kNone) return abort(code, out);
   block_size_ = frame[4];

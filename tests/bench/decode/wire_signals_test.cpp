@@ -1,4 +1,4 @@
-#include "bench/record/wire_signals.hpp"
+#include "bench/decode/wire_signals.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -8,7 +8,7 @@
 #include "protocols/config/toml.hpp"
 
 using namespace meltbench;
-using namespace meltbench::record;
+using namespace meltbench::decode;
 
 namespace {
 
@@ -59,7 +59,7 @@ class Followed {
 
 }  // namespace
 
-TEST_CASE("Wire signals: what a PDO carries by the EDS is there from its first frame on", "[record]") {
+TEST_CASE("Wire signals: what a PDO carries by the EDS is there from its first frame on", "[decode]") {
   Followed wire;
   CHECK(std::isnan(wire["wire.feeder.2001"]));
   wire.report(3.5F, 2);
@@ -72,7 +72,7 @@ TEST_CASE("Wire signals: what a PDO carries by the EDS is there from its first f
   CHECK(wire["wire.feeder.2001"] == 3.5);
 }
 
-TEST_CASE("Wire signals: a mapping that a master writes holds from the answer on, until the board boots", "[record]") {
+TEST_CASE("Wire signals: a mapping that a master writes holds from the answer on, until the board boots", "[decode]") {
   Followed wire{{"wire.feeder.2008"}};
   const auto remap = [&wire](bool answered) {
     wire.write(0x1800, 1, 0x80000185, 4);  // Off.
@@ -99,7 +99,7 @@ TEST_CASE("Wire signals: a mapping that a master writes holds from the answer on
   }
 }
 
-TEST_CASE("Wire signals: a value that a master writes by SDO is known once the board has taken it", "[record]") {
+TEST_CASE("Wire signals: a value that a master writes by SDO is known once the board has taken it", "[decode]") {
   Followed wire{{"wire.feeder.2000"}};
   wire.write(0x2000, 0, 0x40A00000, 4, false);
   CHECK(std::isnan(wire["wire.feeder.2000"]));
@@ -107,7 +107,7 @@ TEST_CASE("Wire signals: a value that a master writes by SDO is known once the b
   CHECK(wire["wire.feeder.2000"] == 5.0);
 }
 
-TEST_CASE("Wire signals: objects of an array have their sub-index in the name", "[record]") {
+TEST_CASE("Wire signals: objects of an array have their sub-index in the name", "[decode]") {
   const config::Rig rig = read_rig("[board.heater]\nkind = 'heater'\nnode_id = 9\neds = '" + kBoards + "heater.eds'\n");
   const WireSignals wire{rig.boards, {}};
   const auto has = [&wire](const std::string& name) {
