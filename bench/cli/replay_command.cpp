@@ -63,13 +63,6 @@ replay::RawReplayRequest to_raw_request(const ReplayRequest& request) {
   return raw;
 }
 
-double percentile(std::vector<float>& values, double share) {
-  if (values.empty()) return 0.0;
-  const auto at = static_cast<std::size_t>(share * static_cast<double>(values.size() - 1));
-  std::ranges::nth_element(values, values.begin() + static_cast<std::ptrdiff_t>(at));
-  return static_cast<double>(values[at]);
-}
-
 ExitStatus replay_onto_bus(const ReplayRequest& request) {
   const link::BusUri uri = link::parse_bus_uri(request.can);
   if (uri.kind != link::BusUri::Kind::kSocketCan) {
@@ -79,13 +72,13 @@ ExitStatus replay_onto_bus(const ReplayRequest& request) {
   const std::filesystem::path path = find_log(request.log);
   link::SocketCanLink bus{uri.name};
   runtime::catch_stop_signals();
-  replay::RawReplayResult result =
+  const replay::RawReplayResult result =
       replay::replay_raw([&path] { return log::open_log(path); }, bus, raw, [] { return runtime::stop_requested(); });
-  const double worst = result.lateness_us.empty() ? 0.0 : static_cast<double>(std::ranges::max(result.lateness_us));
   fmt::print("{} frames sent on {}, {} left out, {} not for this bus; transmit queue full {} times\n", result.sent,
              uri.name, result.left_out, result.unsupported, result.waits);
   fmt::print("behind the recorded times: p50 {:.1f} us, p99 {:.1f} us, max {:.1f} us\n",
-             percentile(result.lateness_us, 0.5), percentile(result.lateness_us, 0.99), worst);
+             to_s(result.lateness.quantile(0.5)) * 1e6, to_s(result.lateness.quantile(0.99)) * 1e6,
+             to_s(result.lateness.max()) * 1e6);
   return ExitStatus::kHeld;
 }
 

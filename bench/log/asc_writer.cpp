@@ -7,7 +7,7 @@
 #include <chrono>
 #include <iterator>
 
-#include "bench/log/blf_format.hpp"
+#include "protocols/can/frame_bits.hpp"
 
 namespace meltbench::log {
 namespace {
@@ -71,17 +71,16 @@ void AscWriter::write(const LogEntry& entry, std::string_view channel) {
 
 void AscWriter::append_classic(const LogEntry& entry, unsigned channel) {
   const can::CanFrame& frame = entry.frame;
-  const unsigned dlc = frame.raw_dlc != 0 ? frame.raw_dlc : frame.length;
   fmt::format_to(std::back_inserter(text_), "{}  {:<15} {:<4} {} {:x}", channel, to_id(frame), to_word(entry.direction),
-                 frame.kind == can::FrameKind::kRemote ? 'r' : 'd', dlc);
+                 frame.kind == can::FrameKind::kRemote ? 'r' : 'd', can::data_length_code(frame));
   for (const std::uint8_t byte : frame.data()) fmt::format_to(std::back_inserter(text_), " {:02X}", byte);
 }
 
 void AscWriter::append_fd(const LogEntry& entry, unsigned channel) {
   const can::CanFrame& frame = entry.frame;
-  const auto dlc = std::ranges::find(blf::kFdLengths, frame.length) - blf::kFdLengths.begin();
   fmt::format_to(std::back_inserter(text_), "CANFD {:>3} {:<4} {:>8}  {:>32} {} {} {:x} {:>2}", channel,
-                 to_word(entry.direction), to_id(frame), "", frame.brs ? 1 : 0, frame.esi ? 1 : 0, dlc, frame.length);
+                 to_word(entry.direction), to_id(frame), "", frame.brs ? 1 : 0, frame.esi ? 1 : 0,
+                 can::to_fd_dlc(frame.length), frame.length);
   for (const std::uint8_t byte : frame.data()) fmt::format_to(std::back_inserter(text_), " {:02X}", byte);
   const unsigned flags = 0x1000U | (frame.brs ? 0x2000U : 0U) | (frame.esi ? 0x4000U : 0U);
   fmt::format_to(std::back_inserter(text_), " {:>8} {:>4} {:>8X} {:>8} {:>8} {:>8} {:>8} {:>8}", 0, 0, flags, 0, 0, 0,

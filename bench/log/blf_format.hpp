@@ -125,7 +125,4 @@ struct CanFdMessage64 {
 };
 static_assert(sizeof(CanFdMessage64) == 40);
 
-/// DLC of an FD frame of `length` bytes, and back.
-inline constexpr std::array<std::uint8_t, 16> kFdLengths{0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64};
-
 }  // namespace meltbench::log::blf

@@ -6,6 +6,7 @@
 #include <chrono>
 
 #include "bench/log/log_error.hpp"
+#include "protocols/can/frame_bits.hpp"
 
 namespace meltbench::log {
 namespace {
@@ -62,7 +63,7 @@ void BlfWriter::write(const LogEntry& entry, std::string_view channel) {
     message.channel = number;
     if (entry.direction == Direction::kSent) message.flags |= blf::kSent;
     if (frame.kind == can::FrameKind::kRemote) message.flags |= blf::kRemote;
-    message.dlc = frame.raw_dlc != 0 ? frame.raw_dlc : frame.length;
+    message.dlc = static_cast<std::uint8_t>(can::data_length_code(frame));
     message.id = frame.id | (frame.extended ? blf::kExtendedId : 0);
     std::ranges::copy(frame.data(), message.data.begin());
     append(entry.at, blf::kCanMessage, message);
@@ -74,7 +75,7 @@ void BlfWriter::append_fd(const LogEntry& entry, unsigned channel) {
   blf::CanFdMessage message;
   message.channel = static_cast<std::uint16_t>(channel);
   if (entry.direction == Direction::kSent) message.flags |= blf::kSent;
-  message.dlc = static_cast<std::uint8_t>(std::ranges::find(blf::kFdLengths, frame.length) - blf::kFdLengths.begin());
+  message.dlc = can::to_fd_dlc(frame.length);
   message.id = frame.id | (frame.extended ? blf::kExtendedId : 0);
   message.fd_flags = static_cast<std::uint8_t>(1U | (frame.brs ? 2U : 0U) | (frame.esi ? 4U : 0U));
   message.length = frame.length;

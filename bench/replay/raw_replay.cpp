@@ -88,7 +88,7 @@ RawReplayResult replay_raw(const std::function<std::unique_ptr<log::LogReader>()
         continue;
       }
       ++result.sent;
-      result.lateness_us.push_back(static_cast<float>((runtime::read_monotonic() - due).count()) * 1e-3F);
+      result.lateness.add(runtime::read_monotonic() - due, Instant{latest - first});
     }
     if (!begun) break;
   }

@@ -8,6 +8,7 @@
 
 #include "bench/log/log_reader.hpp"
 #include "protocols/link/can_link.hpp"
+#include "protocols/time/log_histogram.hpp"
 
 namespace meltbench::replay {
 
@@ -30,10 +31,10 @@ struct RawReplayRequest {
 
 struct RawReplayResult {
   std::uint64_t sent = 0;
-  std::uint64_t left_out = 0;      ///< Filtered, error frames, other channels.
-  std::uint64_t unsupported = 0;   ///< The bus cannot carry them: FD on a classic interface.
-  std::uint64_t waits = 0;         ///< Times that the transmit queue was full.
-  std::vector<float> lateness_us;  ///< Of each frame: when it went out, after when it should have.
+  std::uint64_t left_out = 0;     ///< Filtered, error frames, other channels.
+  std::uint64_t unsupported = 0;  ///< The bus cannot carry them: FD on a classic interface.
+  std::uint64_t waits = 0;        ///< Times that the transmit queue was full.
+  LogHistogram lateness;          ///< When each frame went out, after when it should have.
 };
 
 /// Sends a log's frames at their recorded times on CLOCK_MONOTONIC, by an absolute schedule: a late frame delays none

@@ -5,8 +5,6 @@
 namespace meltbench::can {
 namespace {
 
-constexpr std::array<std::uint8_t, 16> kFdLengths{0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64};
-
 struct CrcLayout {
   std::uint32_t initial, polynomial;
   unsigned width;
@@ -176,11 +174,11 @@ std::uint32_t encode_stuff_count(unsigned count) {
 
 unsigned data_length_code(const CanFrame& frame) {
   if (!frame.fd) return frame.raw_dlc != 0 ? frame.raw_dlc : frame.length;
-  return static_cast<unsigned>(std::ranges::find(kFdLengths, frame.length) - kFdLengths.begin());
+  return to_fd_dlc(frame.length);
 }
 
 std::uint8_t length_of_code(unsigned code, bool fd) {
-  const std::uint8_t length = kFdLengths.at(code & 0xFU);
+  const std::uint8_t length = from_fd_dlc(code & 0xFU);
   return fd ? length : std::min(length, static_cast<std::uint8_t>(kMaxClassicLength));
 }
 
