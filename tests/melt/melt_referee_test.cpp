@@ -8,26 +8,7 @@
 
 #include "bench/benchmark/sundials/melt_cvode.hpp"
 #include "tests/melt/melt_loop.hpp"
-
-namespace {
-long allocation_count = 0;
-}  // namespace
-
-void* operator new(std::size_t size) {
-  ++allocation_count;
-  if (void* memory = std::malloc(size)) return memory;
-  throw std::bad_alloc{};
-}
-void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
-  ++allocation_count;
-  return std::malloc(size);
-}
-void operator delete(void* memory) noexcept {
-  std::free(memory);
-}
-void operator delete(void* memory, std::size_t) noexcept {
-  std::free(memory);
-}
+#include "tests/tools/allocation_counter.hpp"
 
 namespace meltbench::melt_loop {
 namespace {
@@ -157,7 +138,7 @@ TEST_CASE("Melt loop: plant step, observer and law do not allocate", "[melt][rea
                                    {}};
   observer.start_linear(20e-3, 95.0);
   law::BacksteppingMeltLaw law;
-  const long before = allocation_count;
+  const std::uint64_t before = test::count_allocations();
   for (int i = 0; i < 100; ++i) {
     const double dt = i % 2 == 0 ? 10e-3 : 50e-3;  // An Euler step, a two-stage step.
     const auto reference = law::calc_melt_reference(model, 145.0, 10e-3, 50e-3);
@@ -169,7 +150,7 @@ TEST_CASE("Melt loop: plant step, observer and law do not allocate", "[melt][rea
                        plant::MeltBarrel::uniform(145.0)});
     observer.advance(dt, {10e-3, 145.0, front.mean_inlet_flux_W_per_m2(), 0.0, front.front_m(), front.T_inlet_degC()});
   }
-  CHECK(allocation_count == before);
+  CHECK(test::count_allocations() == before);
   CHECK(front.status() == plant::MeltStatus::kRunning);
 }
 

@@ -1,6 +1,5 @@
 #include "plant_emulator/emulator.hpp"
 
-#include <atomic>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstdlib>
@@ -12,33 +11,11 @@
 #include "protocols/canopen/types.hpp"
 #include "protocols/config/toml.hpp"
 #include "tests/plant_emulator/read_emulator.hpp"
+#include "tests/tools/allocation_counter.hpp"
 
 using namespace meltbench;
 using emulator::Emulator;
 using namespace emulator::testing;
-
-namespace {
-
-std::atomic<std::size_t> allocations{0};
-
-}  // namespace
-
-// Counts what the loop allocates.
-[[gnu::noinline]] void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* memory = std::malloc(size)) return memory;
-  throw std::bad_alloc{};
-}
-[[gnu::noinline]] void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
-  ++allocations;
-  return std::malloc(size);
-}
-[[gnu::noinline]] void operator delete(void* memory) noexcept {
-  std::free(memory);
-}
-[[gnu::noinline]] void operator delete(void* memory, std::size_t) noexcept {
-  std::free(memory);
-}
 
 namespace {
 
@@ -333,9 +310,9 @@ TEST_CASE("Emulator: the steady loop does not allocate, with all boards of the c
     }
   };
   run(1, 200);
-  const std::size_t before = allocations;
+  const std::uint64_t before = test::count_allocations();
   run(200, 2200);
-  CHECK(allocations == before);
+  CHECK(test::count_allocations() == before);
 }
 
 TEST_CASE("Emulator settings: mistakes in the rig are named where they are", "[emulator][settings]") {

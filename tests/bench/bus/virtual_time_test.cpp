@@ -1,7 +1,5 @@
 #include "bench/bus/virtual_time.hpp"
 
-#include <sys/socket.h>
-
 #include <array>
 #include <catch2/catch.hpp>
 #include <functional>
@@ -12,6 +10,7 @@
 #include "protocols/can/candump.hpp"
 #include "protocols/runtime/lockstep_driver.hpp"
 #include "tests/bench/bus/toy_participants.hpp"
+#include "tests/tools/socket_pair.hpp"
 
 using namespace meltbench;
 using namespace meltbench::bus;
@@ -62,14 +61,13 @@ class TextObserver final : public RunObserver {
 class RemoteParticipant {
  public:
   explicit RemoteParticipant(std::unique_ptr<Participant> participant) : participant_{std::move(participant)} {
-    std::array<int, 2> ends{};
-    REQUIRE(::socketpair(AF_UNIX, SOCK_SEQPACKET, 0, ends.data()) == 0);
+    auto ends = test::make_socket_pair(SOCK_SEQPACKET);
     runtime::Hello hello{std::string{participant_->name()}, true, {}, {}, {}};
     hello.signals.assign(participant_->signals().begin(), participant_->signals().end());
     hello.lines.assign(participant_->lines().begin(), participant_->lines().end());
-    joined_ = std::make_unique<Joined>(Joined{hello, link::BenchSocket{link::UniqueFd{ends[0]}}});
-    thread_ = std::thread{[this, fd = ends[1]] {
-      link::BenchSocket socket{link::UniqueFd{fd}};
+    joined_ = std::make_unique<Joined>(Joined{hello, link::BenchSocket{std::move(ends[0])}});
+    thread_ = std::thread{[this, end = std::move(ends[1])]() mutable {
+      link::BenchSocket socket{std::move(end)};
       static_cast<void>(runtime::run_lockstep(*participant_, socket));
     }};
   }
@@ -196,26 +194,24 @@ TEST_CASE("Virtual time: two that answer each other without end are stopped and 
 }
 
 TEST_CASE("Lockstep: a participant whose process has died ends the run and is named", "[bus]") {
-  std::array<int, 2> ends{};
-  REQUIRE(::socketpair(AF_UNIX, SOCK_SEQPACKET, 0, ends.data()) == 0);
-  Joined joined{{"plant", true, {}, {}, {}}, link::BenchSocket{link::UniqueFd{ends[0]}}};
+  auto ends = test::make_socket_pair(SOCK_SEQPACKET);
+  Joined joined{{"plant", true, {}, {}, {}}, link::BenchSocket{std::move(ends[0])}};
   SocketPort port{joined};
   const std::array<ParticipantPort*, 1> ports{&port};
   TextObserver observer;
   SECTION("died") {
-    { const link::UniqueFd closed{ends[1]}; }
+    ends[1] = link::UniqueFd{};
     const RunOutcome outcome = VirtualTime{ports, 10ms, observer}.run(1s);
     CHECK(outcome.kind == RunOutcome::Kind::kParticipantLost);
     CHECK_THAT(outcome.text, Catch::Contains("plant has died"));
   }
   SECTION("hangs") {
-    const link::UniqueFd silent{ends[1]};
     const RunOutcome outcome = VirtualTime{ports, 10ms, observer}.run(1s);
     CHECK(outcome.kind == RunOutcome::Kind::kParticipantLost);
     CHECK_THAT(outcome.text, Catch::Contains("plant hangs"));
   }
   SECTION("answers nonsense") {
-    link::BenchSocket other{link::UniqueFd{ends[1]}};
+    link::BenchSocket other{std::move(ends[1])};
     const std::array<std::uint8_t, 3> nonsense{1, 2, 3};
     REQUIRE(other.send(nonsense));
     const RunOutcome outcome = VirtualTime{ports, 10ms, observer}.run(1s);

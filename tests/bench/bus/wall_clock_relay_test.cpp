@@ -1,14 +1,13 @@
 #include "bench/bus/wall_clock_relay.hpp"
 
-#include <sys/socket.h>
 #include <unistd.h>
 
-#include <array>
 #include <catch2/catch.hpp>
 #include <thread>
 
 #include "protocols/runtime/real_time_driver.hpp"
 #include "tests/bench/bus/toy_participants.hpp"
+#include "tests/tools/socket_pair.hpp"
 
 using namespace meltbench;
 using namespace meltbench::bus;
@@ -19,13 +18,12 @@ namespace {
 class Program {
  public:
   explicit Program(std::unique_ptr<Participant> participant) : participant_{std::move(participant)} {
-    std::array<int, 2> ends{};
-    REQUIRE(::socketpair(AF_UNIX, SOCK_SEQPACKET, 0, ends.data()) == 0);
+    auto ends = test::make_socket_pair(SOCK_SEQPACKET);
     hello_.name = participant_->name();
     hello_.signals.assign(participant_->signals().begin(), participant_->signals().end());
     hello_.lines.assign(participant_->lines().begin(), participant_->lines().end());
-    bench_end_ = link::UniqueFd{ends[0]};
-    thread_ = std::thread{[this, end = link::UniqueFd{ends[1]}]() mutable { run(link::BenchSocket{std::move(end)}); }};
+    bench_end_ = std::move(ends[0]);
+    thread_ = std::thread{[this, end = std::move(ends[1])]() mutable { run(link::BenchSocket{std::move(end)}); }};
   }
   ~Program() { thread_.join(); }
   Joined join() { return {hello_, link::BenchSocket{std::move(bench_end_)}}; }
@@ -97,13 +95,11 @@ TEST_CASE("Wall clock: the bench carries serial lines between programs, no faste
 
 TEST_CASE("Wall clock: a program on a line that the rig does not have is refused", "[bus]") {
   std::vector<Joined> joined;
-  std::array<int, 2> ends{};
-  REQUIRE(::socketpair(AF_UNIX, SOCK_SEQPACKET, 0, ends.data()) == 0);
-  const link::UniqueFd other{ends[1]};
+  auto ends = test::make_socket_pair(SOCK_SEQPACKET);
   runtime::Hello hello;
   hello.name = "echo";
   hello.lines = {"elsewhere"};
-  joined.push_back({hello, link::BenchSocket{link::UniqueFd{ends[0]}}});
+  joined.push_back({hello, link::BenchSocket{std::move(ends[0])}});
   Broker broker{"relay-test-" + std::to_string(::getpid())};
   CHECK_THROWS_WITH(WallClockRelay(joined, broker, nullptr, 10ms), Catch::Contains("elsewhere"));
 }

@@ -9,6 +9,7 @@
 #include "bench/log/log_error.hpp"
 #include "bench/log/log_reader.hpp"
 #include "bench/log/log_writer.hpp"
+#include "tests/tools/temporary_folder.hpp"
 
 using namespace meltbench;
 using namespace meltbench::log;
@@ -47,22 +48,6 @@ std::string complaint_about(std::string_view text) {
   }
   return "no complaint";
 }
-
-class Folder {
- public:
-  Folder() : path_{std::filesystem::temp_directory_path() / "meltbench-log-test-XXXXXX"} {
-    std::string name = path_.string();
-    REQUIRE(::mkdtemp(name.data()) != nullptr);
-    path_ = name;
-  }
-  ~Folder() { std::filesystem::remove_all(path_); }
-  Folder(const Folder&) = delete;
-  Folder& operator=(const Folder&) = delete;
-  [[nodiscard]] std::filesystem::path operator/(const char* name) const { return path_ / name; }
-
- private:
-  std::filesystem::path path_;
-};
 
 can::CanFrame make_random_frame(std::mt19937& draw) {
   can::CanFrame frame;
@@ -120,7 +105,7 @@ constexpr Instant kMarch2026{Nanos{1'772'368'496'789'123'000}};  // 2026-03-01 1
 
 TEST_CASE("Logs: every format gives back what was written, whole microseconds, both channels, all kinds of frames",
           "[log]") {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   const char* name = GENERATE("a.log", "a.log.gz", "a.asc", "a.asc.gz", "a.blf");
   const Instant start = GENERATE(Instant{}, kMarch2026);
   const std::vector<LogEntry> entries = make_random_log(start, 5000);
@@ -133,7 +118,7 @@ TEST_CASE("Logs: every format gives back what was written, whole microseconds, b
 }
 
 TEST_CASE("Logs: an error frame keeps its class in candump text and BLF, and is a bus error in ASC", "[log]") {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   can::CanFrame error;
   error.kind = can::FrameKind::kError;
   error.id = 0x204;
@@ -211,7 +196,7 @@ TEST_CASE("Logs: what can be lived with is a warning with its line", "[log]") {
 }
 
 TEST_CASE("Logs: a packed log or a BLF that is cut off is read as far as it goes", "[log]") {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   const char* name = GENERATE("a.log.gz", "a.blf");
   const std::vector<LogEntry> entries = make_random_log(kMarch2026, 20000);
   write_all(folder / name, entries);

@@ -6,35 +6,19 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <array>
 #include <catch2/catch.hpp>
 #include <fstream>
 #include <sstream>
 
 #include "protocols/can/candump.hpp"
 #include "protocols/link/socketcan_link.hpp"
+#include "tests/tools/socket_pair.hpp"
+#include "tests/tools/temporary_folder.hpp"
 
 using namespace meltbench;
 using namespace meltbench::record;
 
 namespace {
-
-class Folder {
- public:
-  Folder() {
-    std::string name = (std::filesystem::temp_directory_path() / "recorder.XXXXXX").string();
-    REQUIRE(::mkdtemp(name.data()) != nullptr);
-    path = name;
-  }
-  ~Folder() { std::filesystem::remove_all(path); }
-  std::filesystem::path path;
-};
-
-std::string read(const std::filesystem::path& file) {
-  std::ostringstream text;
-  text << std::ifstream{file}.rdbuf();
-  return text.str();
-}
 
 std::vector<std::string> lines_of(const std::string& text) {
   std::vector<std::string> lines;
@@ -48,10 +32,9 @@ std::vector<std::string> lines_of(const std::string& text) {
 /// A socket pair keeps datagrams whole, as a CAN socket does: one end is the link, the other one the bus.
 struct FakeBus {
   FakeBus() {
-    std::array<int, 2> ends{};
-    REQUIRE(::socketpair(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK, 0, ends.data()) == 0);
-    link_end = link::UniqueFd{ends[0]};
-    bus_end = link::UniqueFd{ends[1]};
+    auto ends = test::make_socket_pair(SOCK_DGRAM | SOCK_NONBLOCK);
+    link_end = std::move(ends[0]);
+    bus_end = std::move(ends[1]);
   }
   bool say(const can::CanFrame& frame) const {
     canfd_frame kernel;
@@ -95,10 +78,10 @@ class ScriptedLink final : public link::CanLink {
 }  // namespace
 
 TEST_CASE("a recorder writes every frame of the bus, in order, under its head", "[record]") {
-  Folder folder;
+  const test::TemporaryFolder folder;
   FakeBus bus;
   link::SocketCanLink link{std::move(bus.link_end), "test0", true};
-  LogFiles files{{folder.path / "a.log", "# head\n", {}, {}}};
+  LogFiles files{{folder / "a.log", "# head\n", {}, {}}};
   constexpr std::uint32_t kFrames = 2000;
   std::uint32_t sent = 0;
   // Says ten at a time, and stops when the recorder has had the chance to take the last of them.
@@ -110,7 +93,7 @@ TEST_CASE("a recorder writes every frame of the bus, in order, under its head", 
   const BusRecorderResult result = record_bus(link, files, {"test0", 0ns}, stop);
   CHECK(result.frames == kFrames);
   CHECK(result.dropped == 0);
-  const auto lines = lines_of(read(folder.path / "a.log"));
+  const auto lines = lines_of(test::read_file(folder / "a.log"));
   REQUIRE(lines.size() == kFrames + 1);
   CHECK(lines[0] == "# head");
   Instant before{};
@@ -124,14 +107,14 @@ TEST_CASE("a recorder writes every frame of the bus, in order, under its head", 
 }
 
 TEST_CASE("frames that the kernel dropped and a bus that went away are in the recording", "[record]") {
-  Folder folder;
+  const test::TemporaryFolder folder;
   ScriptedLink link;
   link.frames = {{{1s, numbered(1)}, 0}, {{2s, numbered(2)}, 3}, {{3s, numbered(3)}, 4}};
-  LogFiles files{{folder.path / "a.log", "", {}, {}}};
+  LogFiles files{{folder / "a.log", "", {}, {}}};
   const BusRecorderResult result = record_bus(link, files, {"can0", 100s}, [&] { return link.looks == 3; });
   CHECK(result.dropped == 4);
   CHECK(result.downs == 1);
-  const auto lines = lines_of(read(folder.path / "a.log"));
+  const auto lines = lines_of(test::read_file(folder / "a.log"));
   REQUIRE(lines.size() == 7);
   CHECK(lines[0] == "(0000000101.000000) can0 123#010000");
   CHECK(lines[1] == "DROPCOUNT: dropped 3 CAN frames on 'can0' socket (total drops 3)");
@@ -142,53 +125,53 @@ TEST_CASE("frames that the kernel dropped and a bus that went away are in the re
 }
 
 TEST_CASE("a file that is large or old is followed by another with the same head", "[record]") {
-  Folder folder;
+  const test::TemporaryFolder folder;
   const std::string line(100, 'x');
   SECTION("by size") {
-    LogFiles files{{folder.path / "a.log", "# head\n", 10'000, {}}};
+    LogFiles files{{folder / "a.log", "# head\n", 10'000, {}}};
     for (int i = 0; i < 250; ++i) files.append(Instant{i * 1s}, line + "\n");
     files.flush();
     CHECK(files.files() == 3);
   }
   SECTION("by age") {
-    LogFiles files{{folder.path / "a.log", "# head\n", {}, 60s}};
+    LogFiles files{{folder / "a.log", "# head\n", {}, 60s}};
     for (int i = 0; i < 180; ++i) files.append(Instant{i * 1s}, line + "\n");
     files.flush();
     CHECK(files.files() == 3);
   }
   std::size_t lines = 0;
   for (const char* name : {"a.log", "a.2.log", "a.3.log"}) {
-    const auto read_lines = lines_of(read(folder.path / name));
+    const auto read_lines = lines_of(test::read_file(folder / name));
     REQUIRE_FALSE(read_lines.empty());
     CHECK(read_lines[0] == "# head");
-    CHECK(std::filesystem::file_size(folder.path / name) <= 20'000);
+    CHECK(std::filesystem::file_size(folder / name) <= 20'000);
     lines += read_lines.size() - 1;
   }
   CHECK((lines == 250 || lines == 180));
 }
 
 TEST_CASE("a recording is never written over", "[record]") {
-  Folder folder;
-  std::ofstream{folder.path / "a.log"} << "precious\n";
-  CHECK_THROWS_AS((LogFiles{{folder.path / "a.log", "", {}, {}}}), std::system_error);
-  CHECK(read(folder.path / "a.log") == "precious\n");
+  const test::TemporaryFolder folder;
+  std::ofstream{folder / "a.log"} << "precious\n";
+  CHECK_THROWS_AS((LogFiles{{folder / "a.log", "", {}, {}}}), std::system_error);
+  CHECK(test::read_file(folder / "a.log") == "precious\n");
 }
 
 TEST_CASE("no line lies across a page of the file", "[record]") {
-  Folder folder;
-  LogFiles files{{folder.path / "a.log", "# head\n", {}, {}}};
+  const test::TemporaryFolder folder;
+  LogFiles files{{folder / "a.log", "# head\n", {}, {}}};
   for (std::size_t i = 0; i < 2000; ++i) files.append(Instant{}, std::string(30 + i % 41, 'x') + "\n");
   files.flush();
-  const std::string text = read(folder.path / "a.log");
+  const std::string text = test::read_file(folder / "a.log");
   CHECK(lines_of(text).size() == 2001);
   REQUIRE(text.size() > 10 * 4096);
   for (std::size_t page = 4096; page < text.size(); page += 4096) REQUIRE(text[page - 1] == '\n');
 }
 
 TEST_CASE("what a recorder has received is soon in the file, and whole lines of it after kill -9", "[record]") {
-  Folder folder;
+  const test::TemporaryFolder folder;
   FakeBus bus;
-  const auto file = folder.path / "a.log";
+  const auto file = folder / "a.log";
   const pid_t child = ::fork();
   REQUIRE(child >= 0);
   if (child == 0) {
@@ -200,12 +183,12 @@ TEST_CASE("what a recorder has received is soon in the file, and whole lines of 
   std::uint32_t sent = 0;
   while (sent < 5) sent += bus.say(numbered(sent)) ? 1U : 0U;
   // On a bus that is quiet again: nothing but time brings these lines into the file.
-  while (lines_of(read(file)).size() < 5) ::sched_yield();
+  while (lines_of(test::read_file(file)).size() < 5) ::sched_yield();
   std::error_code none;
   while (std::filesystem::file_size(file, none) < 300'000) sent += bus.say(numbered(sent)) ? 1U : 0U;
   ::kill(child, SIGKILL);
   REQUIRE(::waitpid(child, nullptr, 0) == child);
-  const std::string text = read(file);
+  const std::string text = test::read_file(file);
   CHECK(text.back() == '\n');
   const auto lines = lines_of(text);
   for (std::uint32_t i = 0; i < lines.size(); ++i) {

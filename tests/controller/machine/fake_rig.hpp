@@ -17,11 +17,9 @@
 #include "controller/machine/objects.hpp"
 #include "protocols/canopen/eds.hpp"
 #include "protocols/canopen/node.hpp"
+#include "tests/tools/allocation_counter.hpp"
 
 namespace meltbench::machine::testing {
-
-/// Calls of operator new in this program so far (allocation_test.cpp).
-[[nodiscard]] std::uint64_t count_allocations();
 
 inline canopen::ObjectDictionary read_dictionary(const std::string& eds, std::uint8_t node_id) {
   const std::string path = std::string{MELTBENCH_SOURCE_DIR} + "/fixtures/boards/" + eds;
@@ -292,9 +290,9 @@ class FakeBus {
     out.clear();
     const std::vector<can::StampedFrame> in = std::move(arrived_);
     arrived_.clear();
-    const std::uint64_t before = count_allocations();
+    const std::uint64_t before = test::count_allocations();
     controller.wake({now_, in, LinkState::kUp}, out);
-    allocations += count_allocations() - before;
+    allocations += test::count_allocations() - before;
     controller_due_ = out.deadline();
     events.insert(events.end(), out.events().begin(), out.events().end());
     for (const can::CanFrame& frame : out.frames()) {

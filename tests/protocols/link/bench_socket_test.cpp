@@ -9,6 +9,7 @@
 #include <filesystem>
 
 #include "protocols/link/bench_message.hpp"
+#include "tests/tools/temporary_folder.hpp"
 
 using namespace meltbench;
 using namespace meltbench::link;
@@ -17,16 +18,9 @@ namespace {
 
 /// A runtime folder of this test alone.
 struct PrivateRuntime {
-  PrivateRuntime() {
-    std::string pattern = std::filesystem::temp_directory_path() / "meltbench-test-XXXXXX";
-    folder = ::mkdtemp(pattern.data());
-    ::setenv("XDG_RUNTIME_DIR", folder.c_str(), 1);
-  }
-  ~PrivateRuntime() {
-    ::unsetenv("XDG_RUNTIME_DIR");
-    std::filesystem::remove_all(folder);
-  }
-  std::filesystem::path folder;
+  PrivateRuntime() { ::setenv("XDG_RUNTIME_DIR", folder.path().c_str(), 1); }
+  ~PrivateRuntime() { ::unsetenv("XDG_RUNTIME_DIR"); }
+  test::TemporaryFolder folder;
 };
 
 }  // namespace
@@ -58,8 +52,8 @@ TEST_CASE("Bus name: virtual and kernel buses are told apart, nonsense is refuse
   CHECK(parse_bus_uri("virtual:bench").name == "bench");
   CHECK(parse_bus_uri("can0").kind == BusUri::Kind::kSocketCan);
   CHECK(parse_bus_uri("socketcan:vcan0").name == "vcan0");
-  const char* const nonsense = GENERATE("", "virtual:", "virtual:../x", "can 0", "slcan:@1",
-                                        "interface_name_too_long", "socketcan:");
+  const char* const nonsense =
+      GENERATE("", "virtual:", "virtual:../x", "can 0", "slcan:@1", "interface_name_too_long", "socketcan:");
   CHECK_THROWS_AS(parse_bus_uri(nonsense), LinkError);
 }
 

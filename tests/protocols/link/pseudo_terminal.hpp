@@ -7,29 +7,11 @@
 
 #include <array>
 #include <catch2/catch.hpp>
-#include <filesystem>
 #include <string>
 
 #include "protocols/link/serial_link.hpp"
 
 namespace meltbench::test {
-
-/// A folder of its own, gone at the end of the test.
-class LinkFolder {
- public:
-  LinkFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "meltbench_link_XXXXXX").string();
-    REQUIRE(::mkdtemp(name.data()) != nullptr);
-    path_ = name;
-  }
-  ~LinkFolder() { std::filesystem::remove_all(path_); }
-  LinkFolder(const LinkFolder&) = delete;
-  LinkFolder& operator=(const LinkFolder&) = delete;
-  [[nodiscard]] std::string file(const std::string& name) const { return (path_ / name).string(); }
-
- private:
-  std::filesystem::path path_;
-};
 
 /// The far end of a pseudo-terminal that a test holds: a device that can be unplugged.
 class Device {

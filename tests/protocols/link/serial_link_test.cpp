@@ -4,6 +4,7 @@
 
 #include "protocols/link/can_link.hpp"
 #include "tests/protocols/link/pseudo_terminal.hpp"
+#include "tests/tools/temporary_folder.hpp"
 
 using namespace meltbench;
 using namespace meltbench::link;
@@ -18,12 +19,12 @@ constexpr serial::LineSettings kLine{19'200, serial::Parity::kNone, 1};
 
 TEST_CASE("Serial port: a pseudo-terminal of our own carries every byte both ways to whoever opens its name",
           "[link]") {
-  const LinkFolder folder;
+  const test::TemporaryFolder folder;
   std::string all;
   for (int byte = 0; byte < 256; ++byte) all += static_cast<char>(byte);
-  SerialPort maker{"pty:" + folder.file("feeder"), kLine};
+  SerialPort maker{"pty:" + (folder / "feeder").string(), kLine};
   for (int visitor = 0; visitor < 2; ++visitor) {  // One goes, another comes: our end stays up.
-    SerialPort other{folder.file("feeder"), kLine};
+    SerialPort other{folder / "feeder", kLine};
     CHECK_FALSE(maker.receive().has_value());
     REQUIRE(maker.write(bytes_of(all)) == all.size());
     CHECK(read_text(other, all.size()) == all);
@@ -34,8 +35,8 @@ TEST_CASE("Serial port: a pseudo-terminal of our own carries every byte both way
 }
 
 TEST_CASE("Serial port: the name of a pseudo-terminal goes with its maker, and never replaces a file", "[link]") {
-  const LinkFolder folder;
-  const std::string name = folder.file("feeder");
+  const test::TemporaryFolder folder;
+  const std::string name = folder / "feeder";
   { const SerialPort maker{"pty:" + name, kLine}; }
   CHECK_FALSE(std::filesystem::is_symlink(name));
   std::filesystem::create_symlink("/dev/pts/gone", name);  // Left by one that was killed.
@@ -46,8 +47,8 @@ TEST_CASE("Serial port: the name of a pseudo-terminal goes with its maker, and n
 }
 
 TEST_CASE("Serial port: unplugged, and plugged in again as another device of the same name", "[link]") {
-  const LinkFolder folder;
-  const std::string name = folder.file("by-id");
+  const test::TemporaryFolder folder;
+  const std::string name = folder / "by-id";
   Device first;
   std::filesystem::create_symlink(first.name(), name);
   SerialPort port{name, kLine};

@@ -1,6 +1,7 @@
 #include "protocols/link/slcan_link.hpp"
 
 #include "tests/protocols/link/pseudo_terminal.hpp"
+#include "tests/tools/temporary_folder.hpp"
 
 using namespace meltbench;
 using namespace meltbench::link;
@@ -92,8 +93,8 @@ TEST_CASE("slcan link: a queue that nobody empties is full, and what it took com
 }
 
 TEST_CASE("slcan link: an adapter unplugged and plugged in again is opened anew", "[link]") {
-  const LinkFolder folder;
-  const std::string name = folder.file("by-id");
+  const test::TemporaryFolder folder;
+  const std::string name = folder / "by-id";
   Device first;
   std::filesystem::create_symlink(first.name(), name);
   SlcanLink link{name, 500'000};

@@ -1,4 +1,5 @@
 #include "protocols/link/socketcan_link.hpp"
+#include "tests/tools/socket_pair.hpp"
 
 #include <sys/socket.h>
 
@@ -15,10 +16,9 @@ namespace {
 /// A socket pair keeps datagrams whole, as a CAN socket does: one end is the link, the other one the bus.
 struct FakeBus {
   FakeBus() {
-    std::array<int, 2> ends{};
-    REQUIRE(::socketpair(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK, 0, ends.data()) == 0);
-    link_end = UniqueFd{ends[0]};
-    bus_end = UniqueFd{ends[1]};
+    auto ends = test::make_socket_pair(SOCK_DGRAM | SOCK_NONBLOCK);
+    link_end = std::move(ends[0]);
+    bus_end = std::move(ends[1]);
     const int on = 1;
     ::setsockopt(link_end.get(), SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof(on));
   }

@@ -10,24 +10,20 @@
 #include "protocols/link/socketcan_link.hpp"
 #include "tests/bench/bus/toy_participants.hpp"
 #include "tests/protocols/link/pseudo_terminal.hpp"
+#include "tests/tools/socket_pair.hpp"
+#include "tests/tools/temporary_folder.hpp"
 
 using namespace meltbench;
 using namespace meltbench::runtime;
 
 namespace {
 
-std::array<link::UniqueFd, 2> make_pair(int type) {
-  std::array<int, 2> ends{};
-  REQUIRE(::socketpair(AF_UNIX, type, 0, ends.data()) == 0);
-  return {link::UniqueFd{ends[0]}, link::UniqueFd{ends[1]}};
-}
-
 /// A metronome of 1 ms under the real-time driver, in a thread of its own; the test holds the other ends.
 class DrivenMetronome {
  public:
   DrivenMetronome() {
-    auto can = make_pair(SOCK_DGRAM);
-    auto bench = make_pair(SOCK_SEQPACKET);
+    auto can = test::make_socket_pair(SOCK_DGRAM);
+    auto bench = test::make_socket_pair(SOCK_SEQPACKET);
     bus_ = std::move(can[1]);
     bench_ = std::make_unique<link::BenchSocket>(std::move(bench[1]));
     thread_ = std::thread{[this, can_end = std::move(can[0]), bench_end = std::move(bench[0])]() mutable {
@@ -102,8 +98,8 @@ TEST_CASE("Real-time driver: frames go out in order, arrive, and are reported un
 TEST_CASE("Real-time driver: the participant is woken for each report, so that it shows the report's own instant",
           "[runtime]") {
   test::WakeCounter counter;
-  auto can = make_pair(SOCK_DGRAM);
-  auto bench = make_pair(SOCK_SEQPACKET);
+  auto can = test::make_socket_pair(SOCK_DGRAM);
+  auto bench = test::make_socket_pair(SOCK_SEQPACKET);
   std::thread thread{[&] {
     link::SocketCanLink link{std::move(can[0]), "test0", false};
     BenchClient client{link::BenchSocket{std::move(bench[0])}};
@@ -148,20 +144,21 @@ TEST_CASE("Real-time driver: at its end it tells how late each wake-up at a dead
 
 TEST_CASE("Real-time driver: bytes go out over a serial port, arrive, and the participant is told when it is unplugged",
           "[runtime]") {
-  const test::LinkFolder folder;
-  const std::string name = folder.file("by-id");
+  const test::TemporaryFolder folder;
+  const std::string name = folder / "by-id";
   test::Device device;
   std::filesystem::create_symlink(device.name(), name);
   link::SerialPort port{name, {19'200, serial::Parity::kNone, 1}};
   link::NoCanLink can;
-  auto ends = make_pair(SOCK_SEQPACKET);
+  auto ends = test::make_socket_pair(SOCK_SEQPACKET);
   link::BenchSocket bench{std::move(ends[1])};
+  DriverEnd end{};  // Checked when the loop has ended: Catch's checks belong to one thread.
   std::thread loop{[&, bench_end = std::move(ends[0])]() mutable {
     test::SerialMetronome metronome{"hopper", 1ms};
     BenchClient client{link::BenchSocket{std::move(bench_end)}, 1};
     const std::array<link::SerialLink*, 1> links{&port};
     const link::Welcome timing{link::Pace::kWallClock, 1.0, read_monotonic(), 2ms};
-    CHECK(RealTimeDriver{metronome, can, &client, timing, {metronome.lines(), links}}.run() == DriverEnd::kStopped);
+    end = RealTimeDriver{metronome, can, &client, timing, {metronome.lines(), links}}.run();
   }};
   std::vector<Event> all_events;
   const auto read_report_until = [&](auto wanted) {
@@ -193,12 +190,13 @@ TEST_CASE("Real-time driver: bytes go out over a serial port, arrive, and the pa
   writer.begin(link::MessageType::kStop);
   REQUIRE(bench.send(writer.bytes()));
   loop.join();
+  CHECK(end == DriverEnd::kStopped);
 }
 
 TEST_CASE("Real-time driver: a bench that says stop and closes at once, with reports unread, has not been lost",
           "[runtime]") {
-  auto can = make_pair(SOCK_DGRAM);
-  auto bench = make_pair(SOCK_SEQPACKET);
+  auto can = test::make_socket_pair(SOCK_DGRAM);
+  auto bench = test::make_socket_pair(SOCK_SEQPACKET);
   BenchClient client{link::BenchSocket{std::move(bench[0])}};
   client.report(Instant{}, {}, {});  // Nobody will read it.
   {
