@@ -1,6 +1,7 @@
 #include "bench/tap/tap.hpp"
 
 #include <arpa/inet.h>
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <netinet/tcp.h>
 #include <sys/socket.h>
@@ -172,7 +173,8 @@ void Tap::admit(Client client, bool at_pty) {
 void Tap::look_at_pty() {
   if (!pty_ || pty_in_use_ || !pty_->has_user()) return;
   pty_in_use_ = true;
-  admit(Client{pty_->duplicate(), std::make_unique<SlcanAdapter>(read_only_), pty_->path()}, true);
+  link::UniqueFd fd{::fcntl(pty_->fd(), F_DUPFD_CLOEXEC, 0)};
+  admit(Client{std::move(fd), std::make_unique<SlcanAdapter>(read_only_), pty_->name()}, true);
 }
 
 void Tap::remove_gone() {

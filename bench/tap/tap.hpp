@@ -9,7 +9,7 @@
 
 #include "bench/bus/outside.hpp"
 #include "bench/tap/client.hpp"
-#include "bench/tap/pty.hpp"
+#include "protocols/link/pseudo_terminal.hpp"
 
 namespace meltbench::tap {
 
@@ -75,7 +75,7 @@ class Tap final : public bus::Outside {
   std::string unix_path_;  ///< To be removed at the end; empty for TCP.
   std::vector<std::string> places_;
   link::UniqueFd listener_;
-  std::optional<Pty> pty_;
+  std::optional<link::PseudoTerminal> pty_;
   bool pty_in_use_ = false;
   std::vector<Guest> guests_;
   std::uint64_t next_number_ = 1;

@@ -37,33 +37,6 @@ bool is_pseudo_terminal(const std::string& device) noexcept {
   return major(status.st_rdev) >= kFirstPtyMajor && major(status.st_rdev) <= kLastPtyMajor;
 }
 
-/// Bytes as they are: no echo, no line editing, no signals. A pseudo-terminal keeps no parity and no baud rate.
-bool make_raw(int fd) noexcept {
-  termios terminal{};
-  if (::tcgetattr(fd, &terminal) != 0) return false;
-  ::cfmakeraw(&terminal);
-  terminal.c_cflag |= CLOCAL | CREAD;
-  return ::tcsetattr(fd, TCSANOW, &terminal) == 0;
-}
-
-/// A symbolic link, put in place in one step. Only a link is replaced.
-bool put_link(const std::string& target, const std::string& link) noexcept {
-  struct stat status {};
-  if (::lstat(link.c_str(), &status) == 0 && !S_ISLNK(status.st_mode)) {
-    errno = EEXIST;
-    return false;
-  }
-  const std::string fresh = link + ".new";
-  ::unlink(fresh.c_str());
-  return ::symlink(target.c_str(), fresh.c_str()) == 0 && ::rename(fresh.c_str(), link.c_str()) == 0;
-}
-
-std::string read_link(const std::string& link) noexcept {
-  std::array<char, PATH_MAX> target{};
-  const ssize_t size = ::readlink(link.c_str(), target.data(), target.size());
-  return size > 0 ? std::string{target.data(), static_cast<std::size_t>(size)} : std::string{};
-}
-
 std::string hint_for(int error) {
   if (error == EACCES) return "add yourself to the group that owns it (Debian: dialout), or see \"ls -l\"";
   if (error == EBUSY) return "another program has it open: see \"fuser\"";
@@ -115,10 +88,6 @@ SerialPort::SerialPort(std::string name, const serial::LineSettings& settings)
   if (!failure.what.empty()) throw LinkError{failure.what, failure.hint};
 }
 
-SerialPort::~SerialPort() {
-  if (!link_.empty() && read_link(link_) == far_name_) ::unlink(link_.c_str());
-}
-
 SerialPort::Failure SerialPort::open() noexcept {
   if (name_.starts_with(kOwnPty)) return make_pseudo_terminal();
   // libserialport knows devices, not the links to them that udev makes.
@@ -152,35 +121,25 @@ SerialPort::Failure SerialPort::open_real_port(const std::string& device) noexce
 }
 
 SerialPort::Failure SerialPort::open_pseudo_terminal(const std::string& device) noexcept {
-  own_fd_ = UniqueFd{::open(device.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC)};
-  if (!own_fd_ || !make_raw(own_fd_.get())) {
+  foreign_terminal_ = UniqueFd{::open(device.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC)};
+  if (!foreign_terminal_ || !make_raw(foreign_terminal_.get())) {
     const int error = errno;
     close();
     return {fmt::format("cannot open serial port \"{}\": {}", name_, std::strerror(error)), hint_for(error)};
   }
-  ::tcflush(own_fd_.get(), TCIOFLUSH);
-  fd_ = own_fd_.get();
+  ::tcflush(foreign_terminal_.get(), TCIOFLUSH);
+  fd_ = foreign_terminal_.get();
   return {};
 }
 
 SerialPort::Failure SerialPort::make_pseudo_terminal() noexcept {
-  std::array<char, 64> far_name{};
-  own_fd_ = UniqueFd{::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC)};
-  if (own_fd_ && ::grantpt(own_fd_.get()) == 0 && ::unlockpt(own_fd_.get()) == 0 &&
-      ::ptsname_r(own_fd_.get(), far_name.data(), far_name.size()) == 0) {
-    far_end_ = UniqueFd{::open(far_name.data(), O_RDWR | O_NOCTTY | O_CLOEXEC)};
+  try {
+    own_terminal_.emplace(name_.substr(kOwnPty.size()));
+    own_terminal_->hold_far_end();
+  } catch (const LinkError& error) {
+    return {error.what(), error.hint()};
   }
-  if (!far_end_ || !make_raw(far_end_.get())) {
-    return {fmt::format("cannot make a pseudo-terminal: {}", std::strerror(errno)), "is /dev/pts mounted?"};
-  }
-  const std::string link = name_.substr(kOwnPty.size());
-  if (!put_link(far_name.data(), link)) {
-    return {fmt::format("cannot make \"{}\", the name of the pseudo-terminal: {}", link, std::strerror(errno)),
-            "name a file that is not there, in a folder that you may write to, e.g. pty:/tmp/feeder"};
-  }
-  link_ = link;
-  far_name_ = far_name.data();
-  fd_ = own_fd_.get();
+  fd_ = own_terminal_->fd();
   return {};
 }
 
@@ -209,7 +168,8 @@ bool SerialPort::has_hung_up() const noexcept {
 
 void SerialPort::close() noexcept {
   fd_ = -1;
-  own_fd_ = UniqueFd{};
+  foreign_terminal_ = UniqueFd{};
+  own_terminal_.reset();
   real_port_.reset();
 }
 

@@ -7,6 +7,7 @@
 #include <span>
 #include <string>
 
+#include "protocols/link/pseudo_terminal.hpp"
 #include "protocols/link/unique_fd.hpp"
 #include "protocols/serial/line_settings.hpp"
 #include "protocols/time/instant.hpp"
@@ -51,9 +52,6 @@ class SerialPort final : public SerialLink {
  public:
   /// @throws LinkError with the reason and what to do: no such port, no permission, in use, a setting that it refuses.
   SerialPort(std::string name, const serial::LineSettings& settings);
-  ~SerialPort() override;
-  SerialPort(const SerialPort&) = delete;
-  SerialPort& operator=(const SerialPort&) = delete;
 
   [[nodiscard]] std::size_t write(std::span<const std::uint8_t> bytes) noexcept override;
   [[nodiscard]] std::optional<ReceivedBytes> receive() noexcept override;
@@ -80,11 +78,9 @@ class SerialPort final : public SerialLink {
   std::string name_;
   serial::LineSettings settings_;
   std::unique_ptr<sp_port, CloseRealPort> real_port_;
-  UniqueFd own_fd_;       ///< Not a real port: its descriptor.
-  UniqueFd far_end_;      ///< Of our own pseudo-terminal, so that it does not hang up when whoever uses it goes.
-  std::string link_;      ///< Of our own pseudo-terminal: the name that others open,
-  std::string far_name_;  ///< and where that points to.
-  int fd_ = -1;           ///< Of the one that is open.
+  UniqueFd foreign_terminal_;                   ///< One end of somebody else's pseudo-terminal.
+  std::optional<PseudoTerminal> own_terminal_;  ///< Of "pty:".
+  int fd_ = -1;                                 ///< Of the one that is open.
   std::array<std::uint8_t, 4096> buffer_{};
 };
 

@@ -34,7 +34,7 @@ TEST_CASE("Serial port: a pseudo-terminal of our own carries every byte both way
   }
 }
 
-TEST_CASE("Serial port: the name of a pseudo-terminal goes with its maker, and never replaces a file", "[link]") {
+TEST_CASE("Serial port: the name of a pseudo-terminal goes with its maker, and replaces only such a name", "[link]") {
   const test::TemporaryFolder folder;
   const std::string name = folder / "feeder";
   { const SerialPort maker{"pty:" + name, kLine}; }
@@ -44,6 +44,10 @@ TEST_CASE("Serial port: the name of a pseudo-terminal goes with its maker, and n
   std::ofstream{name} << "precious";
   CHECK_THROWS_WITH(SerialPort("pty:" + name, kLine), Contains("feeder") && Contains("File exists"));
   CHECK(std::filesystem::is_regular_file(name));
+  const std::string by_id = folder / "by-id";
+  std::filesystem::create_symlink("/dev/ttyUSB0", by_id);
+  CHECK_THROWS_WITH(SerialPort("pty:" + by_id, kLine), Contains("by-id") && Contains("File exists"));
+  CHECK(std::filesystem::read_symlink(by_id) == "/dev/ttyUSB0");
 }
 
 TEST_CASE("Serial port: unplugged, and plugged in again as another device of the same name", "[link]") {
