@@ -9,7 +9,7 @@
 
 #include "bench/bus/virtual_time.hpp"
 #include "bench/cli/list_command.hpp"
-#include "bench/cli/single_run.hpp"
+#include "bench/cli/prepare_run.hpp"
 
 namespace {
 

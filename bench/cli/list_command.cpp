@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "bench/cli/single_run.hpp"
+#include "bench/cli/prepare_run.hpp"
 #include "bench/scenario/scenario.hpp"
 
 namespace meltbench::cli {

@@ -19,7 +19,7 @@
 
 #include "bench/bus/virtual_time.hpp"
 #include "bench/cli/injection.hpp"
-#include "bench/cli/single_run.hpp"
+#include "bench/cli/prepare_run.hpp"
 #include "bench/cli/version.hpp"
 #include "bench/fault/torture.hpp"
 #include "controller/machine/controller.hpp"
