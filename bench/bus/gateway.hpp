@@ -8,9 +8,10 @@
 
 namespace meltbench::bus {
 
-/// Makes one bus of the embedded one and of the one behind an adapter that only one process can open (slcan). Never
-/// waits: frames that the adapter does not take yet wait in order, up to kMaxWaiting; further ones are lost, and so are
-/// those that meet an adapter that is unplugged. Both are counted, and its going and coming leave an event each.
+/// Makes one bus of the embedded one and of the one behind a link: an adapter that only one process can open (slcan),
+/// or a kernel interface. Never waits: frames that the adapter does not take yet wait in order, up to kMaxWaiting;
+/// further ones are lost, and so are those that meet an adapter that is unplugged. Both are counted, and its going and
+/// coming leave an event each.
 class Gateway {
  public:
   static constexpr std::size_t kMaxWaiting = 1024;
@@ -26,6 +27,7 @@ class Gateway {
   [[nodiscard]] int fd() const { return link_.fd(); }
   /// Frames wait: exchange() is worth a call within a millisecond.
   [[nodiscard]] bool has_waiting() const { return !waiting_.empty(); }
+  [[nodiscard]] std::size_t waiting() const { return waiting_.size(); }
   /// So far, in either direction.
   [[nodiscard]] std::uint64_t lost_frames() const {
     return lost_ + link_.counters().dropped + link_.counters().refused;

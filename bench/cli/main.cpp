@@ -42,6 +42,7 @@ constexpr std::uint64_t kMaxSeed = std::numeric_limits<std::int64_t>::max();
 /// What the words of the command line say, whichever command it is.
 struct Words {
   cli::RunRequest run;
+  std::vector<std::string> taps;
   std::string pace = "lockstep";
   bool in_process = false;
   std::uint64_t seed = 0;  // 0..kMaxSeed
@@ -89,8 +90,10 @@ CLI::App* add_run_command(CLI::App& app, Words& words) {
          "bus the bench as the controller")
       ->check(CLI::Range(1, 99));
   run->add_option(
-      "--tap", words.run.tap.socketcand,
-      "PORT | unix:PATH: lets python-can, SavvyCAN ... on the embedded bus (socketcand, its port is 29536)");
+         "--tap", words.taps,
+         "PORT | unix:PATH: lets python-can, SavvyCAN ... on the embedded bus (socketcand, its port is 29536); "
+         "can:vcan0: puts it on this kernel interface, too, for candump, cansend ..., at --pace realtime")
+      ->allow_extra_args(false);
   run->add_option("--slcan-pty", words.run.tap.slcan_pty,
                   "PATH: lets a program on the embedded bus that speaks to an slcan adapter there");
   run->add_flag("--tap-read-only", words.run.tap.read_only, "They may look, not send");
@@ -175,10 +178,27 @@ void add_show_command(CLI::App& app, cli::ShowRequest& request) {
   show->footer("Example: meltbench show night.log.gz --scenario fixtures/scenarios/coupled_start_up.toml");
 }
 
+/// Sorts what --tap says.
+/// @throws std::invalid_argument for two places of one kind.
+void take_taps(const std::vector<std::string>& taps, tap::TapOptions& options) {
+  constexpr std::string_view kKernelPrefix = "can:";
+  for (const std::string& text : taps) {
+    const bool on_kernel = text.starts_with(kKernelPrefix);
+    std::string& place = on_kernel ? options.kernel_bus : options.socketcand;
+    if (!place.empty()) {
+      throw std::invalid_argument{
+          fmt::format("--tap {}: one {} is enough", text, on_kernel ? "interface" : "PORT or unix:PATH")};
+    }
+    place = on_kernel ? text.substr(kKernelPrefix.size()) : text;
+    if (place.empty()) throw std::invalid_argument{fmt::format("--tap \"{}\" names no place, e.g. can:vcan0", text)};
+  }
+}
+
 /// @throws std::invalid_argument for what cannot go together.
 void settle(Words& words, const CLI::App& run) {
   words.run.pace = cli::parse_pace(words.pace);
   words.run.pace_given = words.in_process || run.count("--pace") > 0;
+  take_taps(words.taps, words.run.tap);
   if (words.in_process) {
     if (!words.run.pace.is_virtual())
       throw std::invalid_argument{"--in-process runs in virtual time: drop it, or --pace"};
@@ -197,6 +217,7 @@ void settle(Words& words, const CLI::App& run) {
           "a kernel bus is open to every program: --tap and --slcan-pty are for an embedded one"};
     }
   }
+  if (!words.run.tap.kernel_bus.empty()) take_real_time(words.run, "--tap can:");
   if (kind == link::BusUri::Kind::kSlcan) take_real_time(words.run, "a CAN adapter");
   if (!words.run.lines.empty() || !words.run.controller_lines.empty()) take_real_time(words.run, "a serial port");
   if (!words.run.tap.is_wanted() && run.count("--tap-wait") + run.count("--tap-read-only") > 0) {

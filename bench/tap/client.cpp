@@ -1,5 +1,6 @@
 #include "bench/tap/client.hpp"
 
+#include <fmt/format.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -38,12 +39,12 @@ Client::Client(link::UniqueFd fd, std::unique_ptr<Dialect> dialect, std::string 
 void Client::read(std::size_t room, std::vector<can::CanFrame>& sent) {
   fill_in();
   if (holds_ && !in_.empty()) release_held();
-  const bool wanted_frames = wants_frames();
+  const bool was_looking_on = is_looking_on();
   const std::size_t before = sent.size();
   in_.erase(0, dialect_->hear(in_, room, out_, sent));
   // What it said before it went still counts: it may have sent a burst and closed.
   gone_ = has_hung_up_ && (in_.empty() || sent.size() - before < room);
-  if (wants_frames() && !wanted_frames) {
+  if (is_looking_on() && !was_looking_on) {
     holds_ = true;
     hold_until_ = runtime::read_monotonic() + kHold;
   }
@@ -64,7 +65,7 @@ void Client::fill_in() {
 }
 
 void Client::show(const can::StampedFrame& frame) {
-  if (!wants_frames() || is_deaf_) return;
+  if (!is_looking_on() || is_deaf_) return;
   if (out_.size() - sent_size_ + held_.size() > kMaxBacklog) {
     ++dropped_frames_;
     return;
@@ -96,6 +97,12 @@ void Client::flush() {
   }
 }
 
+std::string Client::complaint() const {
+  const std::uint64_t lost = lost_frames();
+  return lost == 0 ? "" : fmt::format("{} read too slowly and lost {} frames", name_, lost);
+}
+
+/// Frames that it would not take in time, and those that wait for it still.
 std::uint64_t Client::lost_frames() const {
   // One line each; an answer that was not read, either, is not worth telling apart.
   const auto ends_line = [](char c) { return c == '\n' || c == '\r'; };

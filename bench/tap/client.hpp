@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "bench/tap/dialect.hpp"
+#include "bench/tap/visitor.hpp"
 #include "protocols/link/unique_fd.hpp"
 
 namespace meltbench::tap {
@@ -15,30 +16,28 @@ inline constexpr std::size_t kMaxBacklog = 4U << 20U;
 
 /// One of other people's programs, connected: its descriptor, its language, and what it has not read yet.
 /// Nothing here waits for it.
-class Client {
+class Client final : public Visitor {
  public:
   /// @param fd    non-blocking stream.  @param name  for people.
   Client(link::UniqueFd fd, std::unique_ptr<Dialect> dialect, std::string name);
 
   /// Takes what it has sent: at most `room` frames; further ones stay in its own queue. Answers it,
   /// and hands over what waits as far as it takes it.
-  void read(std::size_t room, std::vector<can::CanFrame>& sent);
+  void read(std::size_t room, std::vector<can::CanFrame>& sent) override;
 
   /// Queues a frame that was on the bus, if it wants to see the bus.
-  void show(const can::StampedFrame& frame);
+  void show(const can::StampedFrame& frame) override;
 
-  [[nodiscard]] int fd() const { return fd_.get(); }
-  [[nodiscard]] bool is_gone() const { return gone_; }
-  [[nodiscard]] bool wants_frames() const { return dialect_->wants_frames(); }
-  /// Something waits for it that it would not take.
-  [[nodiscard]] bool has_backlog() const { return sent_size_ < out_.size() || !held_.empty(); }
-  [[nodiscard]] const std::string& name() const { return name_; }
-  /// Handed over so far; grows while it reads.
-  [[nodiscard]] std::uint64_t handed_bytes() const { return handed_bytes_; }
-  /// Frames that it would not take in time, and those that wait for it still.
-  [[nodiscard]] std::uint64_t lost_frames() const;
+  [[nodiscard]] int fd() const override { return fd_.get(); }
+  [[nodiscard]] bool is_gone() const override { return gone_; }
+  [[nodiscard]] bool is_looking_on() const override { return dialect_->wants_frames(); }
+  [[nodiscard]] bool has_backlog() const override { return sent_size_ < out_.size() || !held_.empty(); }
+  /// In bytes.
+  [[nodiscard]] std::uint64_t handed() const override { return handed_bytes_; }
+  [[nodiscard]] std::string complaint() const override;
 
  private:
+  [[nodiscard]] std::uint64_t lost_frames() const;
   void fill_in();
   void flush();
   void release_held();

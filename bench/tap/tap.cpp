@@ -12,6 +12,8 @@
 #include <charconv>
 #include <cstring>
 
+#include "bench/tap/client.hpp"
+#include "bench/tap/kernel_mirror.hpp"
 #include "bench/tap/slcan_adapter.hpp"
 #include "bench/tap/socketcand.hpp"
 #include "protocols/link/can_link.hpp"
@@ -89,6 +91,10 @@ Tap::Tap(const TapOptions& options) : read_only_{options.read_only} {
     pty_.emplace(options.slcan_pty);
     places_.push_back("slcan on " + options.slcan_pty);
   }
+  if (!options.kernel_bus.empty()) {
+    admit(open_kernel_mirror(options.kernel_bus, options.read_only));
+    places_.push_back("on " + options.kernel_bus);
+  }
 }
 
 Tap::~Tap() {
@@ -100,7 +106,7 @@ void Tap::exchange(std::size_t room, std::vector<can::CanFrame>& frames) {
   look_at_pty();
   for (Guest& guest : guests_) {
     const std::size_t before = frames.size();
-    guest.client.read(room, frames);
+    guest.visitor->read(room, frames);
     room -= frames.size() - before;
     for (std::size_t i = before; i < frames.size(); ++i) on_their_way_.push_back({guest.number, frames[i]});
   }
@@ -113,18 +119,20 @@ void Tap::exchange(std::size_t room, std::vector<can::CanFrame>& frames) {
 void Tap::show(const can::StampedFrame& frame, std::size_t sender) {
   const std::uint64_t own = sender == bus::kTapSender ? take_sender_of(frame.frame) : 0;
   for (Guest& guest : guests_) {
-    if (guest.number != own) guest.client.show(frame);
+    if (guest.number != own) guest.visitor->show(frame);
   }
 }
 
 void Tap::watch(std::vector<pollfd>& watched) const {
   if (listener_) watched.push_back({listener_.get(), POLLIN, 0});
-  for (const Guest& guest : guests_) watched.push_back({guest.client.fd(), POLLIN, 0});
+  for (const Guest& guest : guests_) watched.push_back({guest.visitor->fd(), POLLIN, 0});
 }
 
 void Tap::wait_for(std::size_t clients, const std::function<bool()>& give_up) {
   std::vector<can::CanFrame> none;
-  const auto ready = [this] { return std::ranges::count_if(guests_, &Client::wants_frames, &Guest::client); };
+  const auto ready = [this] {
+    return std::ranges::count_if(guests_, [](const Guest& guest) { return guest.visitor->is_looking_on(); });
+  };
   while (static_cast<std::size_t>(ready()) < clients && !give_up()) {
     wait(50ms);
     exchange(0, none);  // What a client sends before the run begins waits for it.
@@ -132,11 +140,11 @@ void Tap::wait_for(std::size_t clients, const std::function<bool()>& give_up) {
 }
 
 void Tap::drain(Nanos patience) {
-  const auto waits = [](const Guest& guest) { return guest.client.has_backlog(); };
+  const auto waits = [](const Guest& guest) { return guest.visitor->has_backlog(); };
   const auto handed = [this] {
-    std::uint64_t bytes = 0;
-    for (const Guest& guest : guests_) bytes += guest.client.handed_bytes();
-    return bytes;
+    std::uint64_t sum = 0;
+    for (const Guest& guest : guests_) sum += guest.visitor->handed();
+    return sum;
   };
   const Nanos start = runtime::read_monotonic();
   Nanos read_last = start;
@@ -148,7 +156,7 @@ void Tap::drain(Nanos patience) {
     if (handed() != before) read_last = now;
     if (now - read_last > patience || now - start > kLongestDrain) break;
   }
-  for (const Guest& guest : guests_) note_losses(guest.client);
+  for (const Guest& guest : guests_) note_losses(*guest.visitor);
   guests_.clear();
 }
 
@@ -160,13 +168,13 @@ void Tap::accept_clients() {
     const int yes = 1;
     ::setsockopt(fd.get(), IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);  // Fails on a Unix socket, which never waits.
     ::setsockopt(fd.get(), SOL_SOCKET, SO_SNDBUF, &kSendBuffer, sizeof kSendBuffer);
-    admit(Client{std::move(fd), std::make_unique<Socketcand>(read_only_), fmt::format("tap client {}", next_number_)},
-          false);
+    const std::string name = fmt::format("tap client {}", next_number_);
+    admit(std::make_unique<Client>(std::move(fd), std::make_unique<Socketcand>(read_only_), name));
   }
 }
 
-void Tap::admit(Client client, bool at_pty) {
-  guests_.push_back({next_number_++, std::move(client), at_pty});
+void Tap::admit(std::unique_ptr<Visitor> visitor) {
+  guests_.push_back({next_number_++, std::move(visitor), false});
 }
 
 /// A program that opens the pseudo-terminal is a new client of an adapter that was just plugged in.
@@ -174,21 +182,21 @@ void Tap::look_at_pty() {
   if (!pty_ || pty_in_use_ || !pty_->has_user()) return;
   pty_in_use_ = true;
   link::UniqueFd fd{::fcntl(pty_->fd(), F_DUPFD_CLOEXEC, 0)};
-  admit(Client{std::move(fd), std::make_unique<SlcanAdapter>(read_only_), pty_->name()}, true);
+  admit(std::make_unique<Client>(std::move(fd), std::make_unique<SlcanAdapter>(read_only_), pty_->name()));
+  guests_.back().at_pty = true;
 }
 
 void Tap::remove_gone() {
   for (const Guest& guest : guests_) {
-    if (!guest.client.is_gone()) continue;
-    note_losses(guest.client);
+    if (!guest.visitor->is_gone()) continue;
+    note_losses(*guest.visitor);
     if (guest.at_pty) pty_in_use_ = false;
   }
-  std::erase_if(guests_, [](const Guest& guest) { return guest.client.is_gone(); });
+  std::erase_if(guests_, [](const Guest& guest) { return guest.visitor->is_gone(); });
 }
 
-void Tap::note_losses(const Client& client) {
-  if (client.lost_frames() == 0) return;
-  complaints_.push_back(fmt::format("{} read too slowly and lost {} frames", client.name(), client.lost_frames()));
+void Tap::note_losses(const Visitor& visitor) {
+  if (std::string complaint = visitor.complaint(); !complaint.empty()) complaints_.push_back(std::move(complaint));
 }
 
 /// @returns the number of the guest that has sent this frame, 0 if it is none of theirs. A bus hands frames on in the

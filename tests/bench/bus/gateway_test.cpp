@@ -2,42 +2,13 @@
 
 #include <catch2/catch.hpp>
 
+#include "tests/tools/fake_can_link.hpp"
+
 using namespace meltbench;
 using namespace meltbench::bus;
+using test::FakeCanLink;
 
 namespace {
-
-/// An adapter whose queue and plug are the test's.
-class FakeAdapter final : public link::CanLink {
- public:
-  link::SendStatus send(const can::CanFrame& frame) noexcept override {
-    if (!up) return link::SendStatus::kDown;
-    if (frame.fd) return link::SendStatus::kUnsupported;
-    if (room == 0) return link::SendStatus::kFull;
-    --room;
-    sent.push_back(frame.id);
-    return link::SendStatus::kSent;
-  }
-  std::optional<link::ReceivedFrame> receive() noexcept override {
-    if (received.empty()) return std::nullopt;
-    const link::ReceivedFrame frame{{}, can::make_frame(received.front(), {})};
-    received.pop_front();
-    return frame;
-  }
-  bool is_up() noexcept override {
-    ++looks;
-    return up;
-  }
-  [[nodiscard]] int fd() const noexcept override { return -1; }
-  [[nodiscard]] const link::LinkCounters& counters() const noexcept override { return counted; }
-
-  bool up = true;
-  int looks = 0;
-  std::size_t room = 100;
-  std::vector<std::uint32_t> sent;
-  std::deque<std::uint32_t> received;
-  link::LinkCounters counted;
-};
 
 struct Exchanged {
   std::vector<link::ReceivedFrame> arrived;
@@ -53,25 +24,25 @@ Exchanged exchange(Gateway& gateway, Instant now) {
 }  // namespace
 
 TEST_CASE("Gateway: frames go both ways in order, and wait while the adapter is full", "[bus]") {
-  FakeAdapter adapter;
+  FakeCanLink adapter;
   Gateway gateway{adapter};
   adapter.room = 2;
   for (std::uint32_t id = 1; id <= 4; ++id) gateway.send(can::make_frame(id, {}));
-  adapter.received = {7, 8};
+  adapter.received = {can::make_frame(7, {}), can::make_frame(8, {})};
   const auto arrived = exchange(gateway, Instant{1ms}).arrived;
   REQUIRE(arrived.size() == 2);
   CHECK(arrived[0].frame.id == 7);
-  CHECK(adapter.sent == std::vector<std::uint32_t>{1, 2});
+  CHECK(adapter.sent_ids() == std::vector<std::uint32_t>{1, 2});
   CHECK(gateway.has_waiting());
   adapter.room = 100;
   static_cast<void>(exchange(gateway, Instant{2ms}));
-  CHECK(adapter.sent == std::vector<std::uint32_t>{1, 2, 3, 4});
+  CHECK(adapter.sent_ids() == std::vector<std::uint32_t>{1, 2, 3, 4});
   CHECK_FALSE(gateway.has_waiting());
   CHECK(gateway.lost_frames() == 0);
 }
 
 TEST_CASE("Gateway: what does not fit, cannot be said, or is refused is counted", "[bus]") {
-  FakeAdapter adapter;
+  FakeCanLink adapter;
   Gateway gateway{adapter};
   adapter.room = 0;
   for (std::size_t i = 0; i < Gateway::kMaxWaiting + 3; ++i) gateway.send(can::make_frame(1, {}));
@@ -83,7 +54,7 @@ TEST_CASE("Gateway: what does not fit, cannot be said, or is refused is counted"
   gateway.send(fd);
   gateway.send(can::make_frame(3, {}));
   static_cast<void>(exchange(gateway, Instant{2ms}));
-  CHECK(adapter.sent.back() == 3);
+  CHECK(adapter.sent.back().id == 3);
   CHECK(gateway.lost_frames() == 4);
   adapter.counted.refused = 2;
   adapter.counted.dropped = 1;
@@ -91,7 +62,7 @@ TEST_CASE("Gateway: what does not fit, cannot be said, or is refused is counted"
 }
 
 TEST_CASE("Gateway: an adapter that goes and comes back leaves two events, and is looked for every 100 ms", "[bus]") {
-  FakeAdapter adapter;
+  FakeCanLink adapter;
   Gateway gateway{adapter};
   adapter.room = 0;
   gateway.send(can::make_frame(1, {}));
@@ -112,5 +83,5 @@ TEST_CASE("Gateway: an adapter that goes and comes back leaves two events, and i
   CHECK(back[0].code == "link-up");
   gateway.send(can::make_frame(3, {}));
   static_cast<void>(exchange(gateway, Instant{1s + 101ms}));
-  CHECK(adapter.sent == std::vector<std::uint32_t>{3});
+  CHECK(adapter.sent_ids() == std::vector<std::uint32_t>{3});
 }
