@@ -37,6 +37,7 @@ room $p/config       $p/time $p/serial
 room $p/fault        $p/time $p/can $p/serial $p/config
 room $p/link         $p/time $p/can $p/serial
 room $p/runtime      $p/time $p/can $p/serial $p/participant $p/link
+room $p/program      $p/time $p/can $p/serial $p/config $p/participant $p/link $p/runtime
 room plant_emulator/model    $p/time
 room plant_emulator/board  plant_emulator/model $p/time $p/can $p/canopen $p/modbus $p/participant $p/config
 room controller/law        $p/time

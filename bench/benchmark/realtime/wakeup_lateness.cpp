@@ -9,7 +9,7 @@
 #include <exception>
 
 #include "protocols/link/socketcan_link.hpp"
-#include "protocols/runtime/program.hpp"
+#include "protocols/program/program.hpp"
 #include "protocols/runtime/real_time_driver.hpp"
 #include "protocols/runtime/real_time_process.hpp"
 
@@ -78,8 +78,8 @@ int main(int argc, char** argv) {
     measure(period_us, ticks);
     return 0;
   } catch (const link::LinkError& error) {
-    return runtime::complain(error.what(), error.hint());
+    return program::complain(error.what(), error.hint());
   } catch (const std::exception& error) {
-    return runtime::complain(error.what(), {});
+    return program::complain(error.what(), {});
   }
 }
