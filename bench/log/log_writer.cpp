@@ -13,57 +13,49 @@
 #include "bench/log/blf_writer.hpp"
 #include "bench/log/candump_writer.hpp"
 #include "bench/log/log_error.hpp"
+#include "protocols/link/unique_fd.hpp"
+#include "protocols/link/write_all.hpp"
 
 namespace meltbench::log {
 namespace {
 
 [[noreturn]] void fail(const std::string& name) {
-  throw LogError{fmt::format("{}: cannot be written: {}", name, std::strerror(errno)), "is there room, and a right?"};
+  throw LogError{fmt::format("{}: cannot be written: {}", name, std::strerror(errno)), "is there room on the disk, and may you write there?"};
 }
 
-int open_to_write(const std::filesystem::path& path) {
-  const int fd =
-      path == "-" ? ::dup(STDOUT_FILENO) : ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-  if (fd < 0) fail(path.string());
+link::UniqueFd open_to_write(const std::filesystem::path& path) {
+  link::UniqueFd fd{path == "-" ? ::dup(STDOUT_FILENO)
+                                : ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644)};
+  if (!fd) fail(path.string());
   return fd;
 }
 
 class PlainFile final : public ByteSink {
  public:
   explicit PlainFile(const std::filesystem::path& path)
-      : name_{path.string()}, fd_{open_to_write(path)}, seekable_{::lseek(fd_, 0, SEEK_CUR) >= 0} {}
-  ~PlainFile() override {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  PlainFile(const PlainFile&) = delete;
-  PlainFile& operator=(const PlainFile&) = delete;
+      : name_{path.string()}, fd_{open_to_write(path)}, seekable_{::lseek(fd_.get(), 0, SEEK_CUR) >= 0} {}
 
   void write(std::string_view bytes) override {
-    while (!bytes.empty()) {
-      const ssize_t count = ::write(fd_, bytes.data(), bytes.size());
-      if (count < 0 && errno == EINTR) continue;
-      if (count < 0) fail(name_);
-      bytes.remove_prefix(static_cast<std::size_t>(count));
-    }
+    if (!link::write_all(fd_.get(), bytes)) fail(name_);
   }
   void rewrite_head(std::string_view bytes) override {
-    if (::pwrite(fd_, bytes.data(), bytes.size(), 0) != static_cast<ssize_t>(bytes.size())) fail(name_);
+    if (::pwrite(fd_.get(), bytes.data(), bytes.size(), 0) != static_cast<ssize_t>(bytes.size())) fail(name_);
   }
   [[nodiscard]] bool can_rewrite() const override { return seekable_; }
   void close() override {
-    if (::close(std::exchange(fd_, -1)) != 0) fail(name_);
+    if (::close(fd_.release()) != 0) fail(name_);
   }
 
  private:
   std::string name_;
-  int fd_;
+  link::UniqueFd fd_;
   bool seekable_;
 };
 
 class PackedFile final : public ByteSink {
  public:
   explicit PackedFile(const std::filesystem::path& path)
-      : name_{path.string()}, file_{::gzdopen(open_to_write(path), "wb")} {}
+      : name_{path.string()}, file_{::gzdopen(open_to_write(path).release(), "wb")} {}
   ~PackedFile() override {
     if (file_ != nullptr) static_cast<void>(::gzclose_w(file_));
   }

@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <string>
 
+#include "protocols/link/unique_fd.hpp"
+
 namespace meltbench::record {
 
 /// Collects whole lines and hands them to the kernel 64 KiB at a time. Not thread-safe.
@@ -33,7 +35,7 @@ class BlockFile {
   std::string path_;
   std::string text_;
   std::string error_;
-  int fd_;
+  link::UniqueFd fd_;
 };
 
 }  // namespace meltbench::record

@@ -7,6 +7,8 @@
 #include <cerrno>
 #include <system_error>
 
+#include "protocols/link/write_all.hpp"
+
 namespace meltbench::record {
 namespace {
 
@@ -62,19 +64,13 @@ void LogFiles::put(std::string_view line) {
 }
 
 void LogFiles::flush() {
-  std::string_view rest = text_;
-  while (!rest.empty()) {
-    const ssize_t count = ::write(fd_.get(), rest.data(), rest.size());
-    if (count < 0 && errno == EINTR) continue;
-    if (count < 0) {
-      const int error = errno;
-      if (::ftruncate(fd_.get(), static_cast<off_t>(written_)) != 0) {
-        // Nothing more can be done for this file; the complaint is that of the write.
-      }
-      errno = error;
-      throw_errno(file_);
+  if (!link::write_all(fd_.get(), text_)) {
+    const int error = errno;
+    if (::ftruncate(fd_.get(), static_cast<off_t>(written_)) != 0) {
+      // Nothing more can be done for this file; the complaint is that of the write.
     }
-    rest.remove_prefix(static_cast<std::size_t>(count));
+    errno = error;
+    throw_errno(file_);
   }
   written_ += text_.size();
   text_.clear();

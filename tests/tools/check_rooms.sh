@@ -51,7 +51,7 @@ room bench/scenario  $p
 room bench/report    $p bench/record bench/check
 room bench/bus       $p
 room bench/tap       $p bench/bus
-room bench/log       $p/time $p/can
+room bench/log       $p/time $p/can $p/link
 room bench/decode    $p
 room bench/replay    $p bench/decode bench/log
 room bench/fault     $p bench/bus
