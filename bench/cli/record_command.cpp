@@ -2,7 +2,6 @@
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
-#include <time.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -11,16 +10,11 @@
 #include "bench/cli/version.hpp"
 #include "bench/record/bus_recorder.hpp"
 #include "protocols/link/can_interface.hpp"
+#include "protocols/link/clock.hpp"
 #include "protocols/runtime/stop_signal.hpp"
 
 namespace meltbench::cli {
 namespace {
-
-Nanos read_clock(clockid_t clock) {
-  timespec now{};
-  ::clock_gettime(clock, &now);
-  return Nanos{now.tv_sec * 1'000'000'000LL + now.tv_nsec};
-}
 
 std::string bit_rate_text(const link::BusUri& uri) {
   if (uri.kind == link::BusUri::Kind::kSlcan) return fmt::format("{} bit/s", uri.bit_rate_bit_per_s);
@@ -50,7 +44,7 @@ ExitStatus record_log(const RecordRequest& request) {
         "record needs a kernel interface such as can0, or slcan:PORT; a run on the embedded bus leaves its bus.log"};
   }
   const auto link = link::open_can_link(uri);
-  const Nanos started = read_clock(CLOCK_REALTIME);
+  const Nanos started = link::read_clock(CLOCK_REALTIME);
   const std::string device = uri.kind == link::BusUri::Kind::kSlcan ? "slcan0" : uri.name;
   record::LogFilesRequest files{request.out, write_head(uri, started), {}, {}};
   if (files.file.empty()) {
@@ -63,7 +57,7 @@ ExitStatus record_log(const RecordRequest& request) {
   fmt::print("recording {} to {}; Ctrl-C ends it\n", device, log.file().string());
   std::fflush(stdout);
   const record::BusRecorderResult result =
-      record::record_bus(*link, log, {device, started - read_clock(CLOCK_MONOTONIC)}, runtime::stop_requested);
+      record::record_bus(*link, log, {device, started - link::read_monotonic()}, runtime::stop_requested);
   fmt::print("{} frames in {} file{}, {} dropped by the kernel; the bus was down {} times\n", result.frames,
              log.files(), log.files() == 1 ? "" : "s", result.dropped, result.downs);
   return ExitStatus::kHeld;

@@ -3,11 +3,11 @@
 #include <fmt/format.h>
 #include <poll.h>
 #include <sys/socket.h>
-#include <time.h>
 
 #include <algorithm>
 
 #include "protocols/can/candump.hpp"
+#include "protocols/link/clock.hpp"
 
 namespace meltbench::record {
 namespace {
@@ -16,17 +16,11 @@ constexpr int kReceiveBuffer = 32 << 20;  // Some 40,000 frames in the kernel's 
 constexpr int kPoll_ms = 20;
 constexpr int kBatch = 256;  // Frames between two looks at the clock, the link and whether to stop.
 
-Nanos now_monotonic() {
-  timespec now{};
-  ::clock_gettime(CLOCK_MONOTONIC, &now);
-  return Nanos{now.tv_sec * 1'000'000'000LL + now.tv_nsec};
-}
-
 /// One recording; record_bus() is its loop.
 class Recorder {
  public:
   Recorder(link::CanLink& link, LogFiles& files, const BusRecorderRequest& request)
-      : link_{link}, files_{files}, request_{request}, flushed_at_{now_monotonic()} {}
+      : link_{link}, files_{files}, request_{request}, flushed_at_{link::read_monotonic()} {}
 
   /// Takes one frame. @returns false if none waits.
   bool take_one() {
@@ -43,7 +37,7 @@ class Recorder {
   }
 
   void flush_if_due() {
-    const Nanos now = now_monotonic();
+    const Nanos now = link::read_monotonic();
     if (now - flushed_at_ < kFlushEvery) return;
     files_.flush();
     flushed_at_ = now;
@@ -53,13 +47,13 @@ class Recorder {
     if (is_up == was_up_) return;
     was_up_ = is_up;
     if (!is_up) ++result_.downs;
-    at_ = std::max(at_, Instant{now_monotonic() + request_.epoch_offset});
+    at_ = std::max(at_, Instant{link::read_monotonic() + request_.epoch_offset});
     files_.append(at_, fmt::format("# {:.6f} s: {} is {}\n", to_s(at_), request_.device, is_up ? "back" : "down"));
   }
 
   /// Takes what had come when it was told to stop; a bus that babbles never stops.
   BusRecorderResult finish() {
-    const Instant stopped_at{now_monotonic() + request_.epoch_offset};
+    const Instant stopped_at{link::read_monotonic() + request_.epoch_offset};
     while (at_ < stopped_at && take_one()) {
     }
     files_.flush();

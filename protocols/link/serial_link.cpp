@@ -10,13 +10,13 @@
 #include <sys/stat.h>
 #include <sys/sysmacros.h>
 #include <termios.h>
-#include <time.h>
 
 #include <cerrno>
 #include <climits>
 #include <cstring>
 
 #include "protocols/link/can_link.hpp"
+#include "protocols/link/clock.hpp"
 
 namespace meltbench::link {
 namespace {
@@ -24,12 +24,6 @@ namespace {
 constexpr std::string_view kOwnPty = "pty:";
 constexpr unsigned kFirstPtyMajor = 136;  // Unix98 pseudo-terminals: majors 136..143 (Linux, devices.txt).
 constexpr unsigned kLastPtyMajor = 143;
-
-Nanos read_monotonic() noexcept {
-  timespec reading{};
-  ::clock_gettime(CLOCK_MONOTONIC, &reading);
-  return Nanos{reading.tv_sec * 1'000'000'000LL + reading.tv_nsec};
-}
 
 bool is_pseudo_terminal(const std::string& device) noexcept {
   struct stat status {};

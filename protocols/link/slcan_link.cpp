@@ -1,9 +1,9 @@
 #include "protocols/link/slcan_link.hpp"
 
 #include <fmt/format.h>
-#include <time.h>
 
 #include "protocols/can/hex.hpp"
+#include "protocols/link/clock.hpp"
 
 namespace meltbench::link {
 namespace {
@@ -13,12 +13,6 @@ constexpr Nanos kFlagsPeriod = 1s;
 constexpr std::uint32_t kReceiveFull = 1U << 0U;
 constexpr std::uint32_t kOverrun = 1U << 3U;
 constexpr std::uint32_t kBusError = 1U << 7U;
-
-Nanos read_monotonic() noexcept {
-  timespec reading{};
-  ::clock_gettime(CLOCK_MONOTONIC, &reading);
-  return Nanos{reading.tv_sec * 1'000'000'000LL + reading.tv_nsec};
-}
 
 std::string make_opening(std::uint32_t bit_rate_bit_per_s) {
   const auto digit = can::slcan_bit_rate_digit(bit_rate_bit_per_s);

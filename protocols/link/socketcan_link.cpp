@@ -6,28 +6,23 @@
 #include <net/if.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
-#include <time.h>
 
 #include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
 
+#include "protocols/link/clock.hpp"
+
 namespace meltbench::link {
 namespace {
 
 constexpr int kReceiveBytes = 4 << 20;  // Some 5000 frames: seconds of a full bus.
 
-Nanos read_clock(clockid_t clock) noexcept {
-  timespec reading{};
-  ::clock_gettime(clock, &reading);
-  return Nanos{reading.tv_sec * 1'000'000'000LL + reading.tv_nsec};
-}
-
 /// Kernel stamps are on CLOCK_REALTIME; the bench counts on CLOCK_MONOTONIC.
 Nanos to_monotonic(const timespec& stamp) noexcept {
   const Nanos realtime{stamp.tv_sec * 1'000'000'000LL + stamp.tv_nsec};
-  return realtime - (read_clock(CLOCK_REALTIME) - read_clock(CLOCK_MONOTONIC));
+  return realtime - (read_clock(CLOCK_REALTIME) - read_monotonic());
 }
 
 ifreq make_request(const std::string& interface_name) noexcept {
@@ -202,7 +197,7 @@ std::optional<ReceivedFrame> SocketCanLink::receive() noexcept {
     }
     const auto frame = from_kernel_frame(kernel, static_cast<std::size_t>(size));
     if (!frame) continue;
-    ReceivedFrame received{read_clock(CLOCK_MONOTONIC), *frame};
+    ReceivedFrame received{read_monotonic(), *frame};
     for (cmsghdr* item = CMSG_FIRSTHDR(&message); item != nullptr; item = CMSG_NXTHDR(&message, item)) {
       if (item->cmsg_level != SOL_SOCKET) continue;
       if (item->cmsg_type == SO_TIMESTAMPNS) {

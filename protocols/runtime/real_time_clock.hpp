@@ -1,17 +1,11 @@
 #pragma once
 
-#include <time.h>
-
+#include "protocols/link/clock.hpp"
 #include "protocols/time/instant.hpp"
 
 namespace meltbench::runtime {
 
-/// CLOCK_MONOTONIC, which all processes of one machine share.
-[[nodiscard]] inline Nanos read_monotonic() noexcept {
-  timespec reading{};
-  ::clock_gettime(CLOCK_MONOTONIC, &reading);
-  return Nanos{reading.tv_sec * 1'000'000'000LL + reading.tv_nsec};
-}
+using link::read_monotonic;
 
 /// Bench axis against CLOCK_MONOTONIC: Instant{0} is at `start`, and the bench runs `speed` times as fast.
 class RealTimeClock {
