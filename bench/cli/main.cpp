@@ -174,8 +174,11 @@ void add_show_command(CLI::App& app, cli::ShowRequest& request) {
   show->add_option("log", request.log, "A log (candump, ASC, BLF, gzip), or a run's folder")->required();
   show->add_option("--scenario", request.scenario, "Whose rig it is  (default: repro.toml beside the log)");
   show->add_option("--channel", request.channel, "Channel of the log  (default: that of the first frame)");
-  show->add_flag("--frames", request.frames, "Every frame, decoded, in place of the story");
-  show->footer("Example: meltbench show night.log.gz --scenario fixtures/scenarios/coupled_start_up.toml");
+  CLI::Option* frames = show->add_flag("--frames", request.frames, "Every frame, decoded, in place of the story");
+  show->add_option("--html", request.html, "Write the story with its plots as this page, in place of text")
+      ->excludes(frames);
+  show->footer(
+      "Example: meltbench show night.log.gz --scenario fixtures/scenarios/coupled_start_up.toml --html night.html");
 }
 
 /// Sorts what --tap says.

@@ -6,8 +6,11 @@
 #include <algorithm>
 
 #include "bench/cli/log_commands.hpp"
+#include "bench/cli/log_page_maker.hpp"
 #include "bench/cli/recorded_log.hpp"
+#include "bench/cli/version.hpp"
 #include "bench/decode/story.hpp"
+#include "bench/report/whole_file.hpp"
 
 namespace meltbench::cli {
 namespace {
@@ -50,13 +53,32 @@ void print_story(ChannelLog& log, const config::Rig& rig) {
   print_load(story.load());
 }
 
+void write_page(ChannelLog& log, const config::Rig& rig, const std::filesystem::path& path,
+                const std::filesystem::path& html) {
+  LogPageMaker maker{rig};
+  log::LogEntry entry;
+  while (log.next(entry)) maker.take(entry.at, entry.frame);
+  report::LogPage page = maker.finish();
+  page.title = fmt::format("What happened on the bus: {}", path.filename().string());
+  page.version = std::string{kProgramVersion};
+  page.facts.emplace(page.facts.begin(), "log", path.string());
+  if (log.zero() > Instant{}) {
+    const auto begun = fmt::format("{:%Y-%m-%d %H:%M:%S} UTC", fmt::gmtime(log.zero().since_start / 1s));
+    page.facts.emplace(page.facts.begin() + 1, "0 s is", begun);
+  }
+  report::write_whole_file(html, report::render_log_page(std::move(page)));
+  fmt::print("{}\n", html.string());
+}
+
 }  // namespace
 
 ExitStatus show_log(const ShowRequest& request) {
   const std::filesystem::path path = find_log(request.log);
   const scenario::ResolvedRun run = load_run_of(request.scenario, path);
   ChannelLog log{path, request.channel};
-  if (request.frames) {
+  if (!request.html.empty()) {
+    write_page(log, run.rig, path, request.html);
+  } else if (request.frames) {
     print_frames(log, run.rig);
   } else {
     print_story(log, run.rig);

@@ -13,9 +13,10 @@ struct ShowRequest {
   std::filesystem::path scenario;  ///< Whose rig it is. Default: repro.toml in the run's folder, or beside the log.
   std::string channel;             ///< Default: that of the first frame.
   bool frames = false;             ///< Every frame, decoded, in place of the story.
+  std::filesystem::path html;      ///< Write the story as this page, in place of text.
 };
 
-/// @throws log::LogError, config::ConfigError, std::invalid_argument without a scenario.
+/// @throws log::LogError, config::ConfigError, report::ReportError, std::invalid_argument without a scenario.
 [[nodiscard]] ExitStatus show_log(const ShowRequest& request);
 
 }  // namespace meltbench::cli

@@ -178,11 +178,24 @@ std::string BusView::describe_sdo(const FrameMeaning& meaning, const can::CanFra
     return fmt::format("{} SDO abort {}: {}", who, text(address), text(code));
   }
   const bool is_request = meaning.service == Service::kSdoRequest;
-  if (is_request && command == 1) return fmt::format("SDO write {} {}", who, text(address));
+  const auto value = [&] { return describe_expedited(meaning.node, frame); };
+  if (is_request && command == 1) return fmt::format("SDO write {} {}{}", who, text(address), value());
   if (is_request && command == 2) return fmt::format("SDO read {} {}", who, text(address));
   if (!is_request && command == 3) return fmt::format("{} SDO written {}", who, text(address));
-  if (!is_request && command == 2) return fmt::format("{} SDO value {}", who, text(address));
+  if (!is_request && command == 2) return fmt::format("{} SDO value {}{}", who, text(address), value());
   return fmt::format("{}{} SDO segment", is_request ? "to " : "", who);
+}
+
+/// ", NAME = VALUE" where the frame has the value itself.
+std::string BusView::describe_expedited(std::uint8_t node, const can::CanFrame& frame) const {
+  if ((frame.bytes[0] & 2U) == 0) return {};
+  const auto [index, sub] = canopen::sdo_address(frame.bytes);
+  const BoardObjects* board = find_board(node);
+  const canopen::OdEntry* entry = board == nullptr ? nullptr : board->dictionary().find(index, sub);
+  if (entry == nullptr) return {};
+  const std::size_t size =
+      (frame.bytes[0] & 1U) != 0 ? 4U - (frame.bytes[0] >> 2U & 3U) : std::min<std::size_t>(entry->capacity(), 4);
+  return fmt::format(", {} = {:.10g}", entry->info().name, to_number(*entry, frame.data().subspan(4, size)));
 }
 
 }  // namespace meltbench::decode

@@ -63,6 +63,7 @@ class BusView {
   [[nodiscard]] const PdoPlace* find_pdo(const can::CanFrame& frame) const;
   void list_pdos();
   [[nodiscard]] std::string describe_sdo(const FrameMeaning& meaning, const can::CanFrame& frame) const;
+  [[nodiscard]] std::string describe_expedited(std::uint8_t node, const can::CanFrame& frame) const;
   [[nodiscard]] std::string describe_values(const can::CanFrame& frame);
 
   std::uint8_t controller_id_;

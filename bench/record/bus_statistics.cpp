@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <map>
 #include <tuple>
 #include <utility>
 
@@ -39,27 +38,6 @@ class Gaps {
   std::optional<Instant> previous_;
 };
 
-struct Tally {
-  IdStatistics statistics;
-  Gaps gaps;
-  std::uint64_t periods = 0;
-  double periods_sum_s = 0;
-  double bits = 0;
-};
-
-void count(Tally& tally, const RecordedFrame& recorded) {
-  IdStatistics& s = tally.statistics;
-  if (const auto period_s = tally.gaps.take(recorded.at, recorded.frame)) {
-    s.min_period_s = tally.periods == 0 ? *period_s : std::min(s.min_period_s, *period_s);
-    s.max_period_s = std::max(s.max_period_s, *period_s);
-    tally.periods_sum_s += *period_s;
-    ++tally.periods;
-  }
-  ++s.frames;
-  s.data_bytes += recorded.frame.data().size();
-  tally.bits += calc_frame_bits(recorded.frame);
-}
-
 /// The six services of the predefined connection set that a node has one to four of, by the upper four bits.
 std::string_view name_service(std::uint32_t function_code) {
   constexpr std::array<std::string_view, 16> kServices{
@@ -70,36 +48,71 @@ std::string_view name_service(std::uint32_t function_code) {
 
 }  // namespace
 
-BusStatistics calc_bus_statistics(const Recording& recording) {
-  BusStatistics result;
-  result.lost_frames = recording.ending.lost_frames;
-  std::map<std::pair<bool, std::uint32_t>, Tally> tallies;
-  for (std::size_t i = 0; i < recording.frames.size(); ++i) {
-    const RecordedFrame recorded = recording.frames[i];
-    if (recorded.frame.kind == can::FrameKind::kError) {
-      ++result.error_frames;
-      continue;
+/// What is counted of one identifier.
+struct BusCounter::Tally {
+  void take(Instant at, const can::CanFrame& frame) {
+    if (const auto period_s = gaps.take(at, frame)) {
+      statistics.min_period_s = periods == 0 ? *period_s : std::min(statistics.min_period_s, *period_s);
+      statistics.max_period_s = std::max(statistics.max_period_s, *period_s);
+      periods_sum_s += *period_s;
+      ++periods;
     }
-    if (recorded.sender == kTapSender) ++result.outside_frames;
-    count(tallies[{recorded.frame.extended, recorded.frame.id}], recorded);
+    ++statistics.frames;
+    statistics.data_bytes += frame.data().size();
+    bits += calc_frame_bits(frame);
   }
 
-  const double run_s = to_s(recording.ending.at);
-  const bool load_known = recording.info.bit_rate_bit_per_s && run_s > 0;
-  const double bits_of_run = load_known ? run_s * static_cast<double>(*recording.info.bit_rate_bit_per_s) : 1.0;
+  IdStatistics statistics;
+  Gaps gaps;
+  std::uint64_t periods = 0;
+  double periods_sum_s = 0;
   double bits = 0;
-  for (auto& [key, tally] : tallies) {
+};
+
+BusCounter::BusCounter() = default;
+BusCounter::~BusCounter() = default;
+BusCounter::BusCounter(BusCounter&&) noexcept = default;
+BusCounter& BusCounter::operator=(BusCounter&&) noexcept = default;
+
+void BusCounter::take(Instant at, const can::CanFrame& frame, std::uint8_t sender) {
+  if (frame.kind == can::FrameKind::kError) {
+    ++sums_.error_frames;
+    return;
+  }
+  ++sums_.frames;
+  sums_.data_bytes += frame.data().size();
+  bits_ += calc_frame_bits(frame);
+  if (sender == kTapSender) ++sums_.outside_frames;
+  const std::pair key{frame.extended, frame.id};
+  if (tallies_.size() >= kMaxIdentifiers && !tallies_.contains(key)) return;
+  tallies_[key].take(at, frame);
+}
+
+BusStatistics BusCounter::finish(double duration_s, std::optional<std::uint32_t> bit_rate_bit_per_s,
+                                 std::span<const NodeName> nodes) {
+  const bool load_known = bit_rate_bit_per_s && duration_s > 0;
+  const double bits_of_run = load_known ? duration_s * static_cast<double>(*bit_rate_bit_per_s) : 1.0;
+  for (auto& [key, tally] : tallies_) {
     IdStatistics& s = tally.statistics;
     std::tie(s.extended, s.id) = key;
-    if (!s.extended) s.name = name_cob_id(s.id, recording.info.nodes);
+    if (!s.extended) s.name = name_cob_id(s.id, nodes);
     if (tally.periods > 0) s.mean_period_s = tally.periods_sum_s / static_cast<double>(tally.periods);
     if (load_known) s.load = tally.bits / bits_of_run;
-    bits += tally.bits;
-    result.frames += s.frames;
-    result.data_bytes += s.data_bytes;
-    result.ids.push_back(std::move(s));
+    sums_.ids.push_back(std::move(s));
   }
-  if (load_known) result.load = bits / bits_of_run;
+  if (load_known) sums_.load = bits_ / bits_of_run;
+  return std::move(sums_);
+}
+
+BusStatistics calc_bus_statistics(const Recording& recording) {
+  BusCounter counter;
+  for (std::size_t i = 0; i < recording.frames.size(); ++i) {
+    const RecordedFrame recorded = recording.frames[i];
+    counter.take(recorded.at, recorded.frame, recorded.sender);
+  }
+  BusStatistics result =
+      counter.finish(to_s(recording.ending.at), recording.info.bit_rate_bit_per_s, recording.info.nodes);
+  result.lost_frames = recording.ending.lost_frames;
   return result;
 }
 

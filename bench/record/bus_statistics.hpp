@@ -2,9 +2,11 @@
 /// Who talked how much and how regularly on a recorded bus.
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "bench/record/recording.hpp"
@@ -36,6 +38,29 @@ struct BusStatistics {
 };
 
 [[nodiscard]] BusStatistics calc_bus_statistics(const Recording& recording);
+
+/// The same of frames that come one by one. Memory: some 200 bytes for each identifier, of which there can be
+/// kMaxIdentifiers; frames of further ones are in the sums only.
+class BusCounter {
+ public:
+  static constexpr std::size_t kMaxIdentifiers = 10'000;
+
+  BusCounter();
+  ~BusCounter();
+  BusCounter(BusCounter&&) noexcept;
+  BusCounter& operator=(BusCounter&&) noexcept;
+
+  void take(Instant at, const can::CanFrame& frame, std::uint8_t sender);
+  /// To be called once. @param duration_s, bit_rate_bit_per_s  make loads known, if both are.
+  [[nodiscard]] BusStatistics finish(double duration_s, std::optional<std::uint32_t> bit_rate_bit_per_s,
+                                     std::span<const NodeName> nodes);
+
+ private:
+  struct Tally;
+  std::map<std::pair<bool, std::uint32_t>, Tally> tallies_;
+  BusStatistics sums_;
+  double bits_ = 0;
+};
 
 /// Gaps between consecutive frames of one identifier [s], oldest first; those beside a boot-up are left out.
 [[nodiscard]] std::vector<double> calc_periods_s(const FrameLog& frames, std::uint32_t id, bool extended);

@@ -124,7 +124,10 @@ const bench = {};  // What the page's other scripts use of this one.
   const interaction = Object.assign({}, Dygraph.defaultInteractionModel);
   for (const touch of ["touchstart", "touchmove", "touchend"]) delete interaction[touch];
   const lineStyles = plot => Object.fromEntries(plot.series.map((series, i) =>
-    ["s" + i, { strokePattern: look(plot, series).dash, strokeWidth: series.signal === plot.signals[0] ? 1.8 : 1.2 }]));
+    ["s" + i, {
+      strokePattern: look(plot, series).dash, strokeWidth: series.signal === plot.signals[0] ? 1.8 : 1.2,
+      stepPlot: plot.stepped === true
+    }]));
 
   const addPlot = plot => {
     plot.signals = [...new Set(plot.series.map(s => s.signal))];

@@ -40,6 +40,7 @@ button:focus-visible, summary:focus-visible { outline: 2px solid var(--link); ou
 .banner b { font-size: 1.15rem; }
 .banner.held { color: var(--good); background: var(--good-bg); }
 .banner.failed { color: var(--bad); background: var(--bad-bg); }
+.banner.odd { color: var(--warn); background: var(--panel); }
 .banner span { color: var(--text); }
 .verdict { font-weight: 650; white-space: nowrap; }
 .held .verdict, .verdict.held { color: var(--good); }
@@ -105,6 +106,15 @@ figcaption output { color: var(--text); margin-left: .4em; }
           filter: drop-shadow(0 0 1px #000); }
 [hidden] { display: none; }
 
+.filter { display: flex; flex-wrap: wrap; gap: .1rem .9rem; align-items: baseline; margin: .2rem 0; }
+.filter b { font-weight: 600; min-width: 4em; }
+.search input { font: inherit; color: inherit; background: var(--panel); border: 1px solid var(--line);
+                border-radius: 6px; padding: .1rem .5rem; width: min(100%, 18em); }
+.story { max-height: 60vh; overflow: auto; border: 1px solid var(--line); border-radius: 6px; padding: 0 .75rem; }
+.story thead th { position: sticky; top: 0; background: var(--page); z-index: 1; }
+.story td:nth-child(3) { white-space: nowrap; }
+.story details { margin: 0; } .story summary { font-weight: inherit; }
+
 .histograms { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 250px), 1fr)); gap: 1.1rem 1.75rem; }
 .histograms svg { display: block; width: 100%; height: 80px; border-bottom: 1px solid var(--muted); }
 .histograms rect { fill: var(--run); }
@@ -122,6 +132,11 @@ footer { margin-top: 3rem; color: var(--muted); font-size: .87em; }
   table.checks td[data-label]::before { content: attr(data-label) " "; color: var(--muted); }
   table.checks td:nth-child(1), table.checks td:nth-child(2), table.checks td.number { display: inline-block; }
   .failed td { background: none; }
+  .story table, .story tbody, .story tr, .story td { display: block; } .story thead { display: none; }
+  .story tr[hidden] { display: none; }
+  .story tr { border-bottom: 1px solid var(--line); padding: .4rem 0; }
+  .story td { border: 0; padding: 0 .5rem 0 0; text-align: left; }
+  .story td:nth-child(-n+3) { display: inline-block; }
   table.facts th, table.facts td { padding-right: .6rem; }
   .plots figure:first-child .plot, .profiles .plot { height: 240px; }
   .map { height: 190px; }

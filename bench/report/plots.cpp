@@ -43,7 +43,8 @@ const KnownPlot kKnownPlots[] = {
     {"Heater power",
      {"barrel.power_zone1_W", "barrel.power_zone2_W", "barrel.power_zone3_W", "barrel.power_zone4_W",
       "barrel.power_nozzle_W"}},
-    {"Margins of the melt model", {"melt.solid_margin_K", "melt.liquid_margin_K", "controller.solid_margin_K", "controller.liquid_margin_K"}},
+    {"Margins of the melt model",
+     {"melt.solid_margin_K", "melt.liquid_margin_K", "controller.solid_margin_K", "controller.liquid_margin_K"}},
     {"Margin between granules and filled zone", {"plant.melt_margin_m"}},
     {"Inlet filling ratio U", {"plant.U", "controller.U_command", "controller.U_applied"}},
     {"Delay", {"plant.delay_s", "controller.delay_s"}},
@@ -253,7 +254,7 @@ Plots make_plots(std::span<const Run> runs, std::size_t max_values) {
 
   Axis axis = make_axis(runs, max_points);
   for (const Group& group : groups) {
-    Plot plot{group.title, group.unit, {}};
+    Plot plot{group.title, group.unit, {}, false};
     for (const std::string& signal : group.signals) add_series(plot, runs, signal, axis);
     result.plots.push_back(std::move(plot));
   }
@@ -280,7 +281,8 @@ std::string write_plots_json(const Plots& plots) {
       series.push_back(
           Json{{"signal", s.signal}, {"run", s.run}, {"data", to_base64(std::as_bytes(std::span{s.values}))}});
     }
-    list.push_back(Json{{"title", plot.title}, {"unit", plot.unit}, {"series", std::move(series)}});
+    list.push_back(
+        Json{{"title", plot.title}, {"unit", plot.unit}, {"stepped", plot.stepped}, {"series", std::move(series)}});
   }
   return "{\"t\":[" + times + "],\"plots\":" + list.dump(-1, ' ', false, Json::error_handler_t::replace) + "}";
 }

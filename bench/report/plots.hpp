@@ -20,6 +20,7 @@ struct Plot {
   std::string title;
   std::string unit;
   std::vector<PlotSeries> series;  ///< Signal by signal, each with its runs in order.
+  bool stepped = false;            ///< A value holds until the next.
 };
 
 struct Plots {
@@ -40,7 +41,7 @@ struct Plots {
 /// @param max_values  of all series together; 4 bytes each.
 [[nodiscard]] Plots make_plots(std::span<const Run> runs, std::size_t max_values = 300'000);
 
-/// {"t": [...], "plots": [{title, unit, series: [{signal, run, data: base64 of little-endian float32}]}]}
+/// {"t": [...], "plots": [{title, unit, stepped, series: [{signal, run, data: base64 of little-endian float32}]}]}
 [[nodiscard]] std::string write_plots_json(const Plots& plots);
 
 }  // namespace meltbench::report

@@ -10,9 +10,9 @@
 #include <string_view>
 #include <utility>
 
-#include "bench/record/bus_statistics.hpp"
 #include "bench/report/escape.hpp"
 #include "bench/report/histogram.hpp"
+#include "bench/report/page_shell.hpp"
 
 namespace meltbench::report {
 namespace {
@@ -37,11 +37,6 @@ std::string render_texts(std::span<const Run> runs) {
     previous = text;
   }
   return html;
-}
-
-/// A time that zooms the plots when clicked.
-std::string at_button(double at_s) {
-  return fmt::format("<button class=\"at\" data-t=\"{0:.9g}\">{0:.3f} s</button>", at_s);
 }
 
 std::string render_check(const check::CheckResult& check) {
@@ -149,23 +144,6 @@ std::string format_id(const record::IdStatistics& id) {
 
 std::string percent(std::optional<double> share) {
   return share ? fmt::format("{:.3f} %", 100 * *share) : "–";
-}
-
-std::string render_bus_table(const record::BusStatistics& bus) {
-  std::string html =
-      "<div class=\"scroll\"><table><thead><tr><th>COB-ID</th><th>what</th><th class=\"number\">frames</th>"
-      "<th class=\"number\">bytes</th><th class=\"number\">mean [ms]</th><th class=\"number\">min [ms]</th>"
-      "<th class=\"number\">max [ms]</th><th class=\"number\">load</th></tr></thead><tbody>\n";
-  for (const record::IdStatistics& id : bus.ids) {
-    const auto period = [&](double period_s) { return id.frames > 1 ? fmt::format("{:.3f}", 1e3 * period_s) : "–"; };
-    html += fmt::format(
-        "<tr><td><code>{}</code></td><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td>"
-        "<td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td "
-        "class=\"number\">{}</td></tr>\n",
-        format_id(id), escape_markup(id.name), id.frames, id.data_bytes, period(id.mean_period_s),
-        period(id.min_period_s), period(id.max_period_s), percent(id.load));
-  }
-  return html + "</tbody></table></div>\n";
 }
 
 std::string render_responses(const record::BusTiming& timing, std::span<const record::NodeName> nodes) {
@@ -419,6 +397,23 @@ std::string render_frame_timing(std::span<const Run> runs) {
       "logarithmic, so that a single late frame can be seen.</p>\n<div class=\"histograms\">\n";
   for (const record::IdStatistics& id : ids) html += render_timing(id, runs);
   return html + "</div>\n";
+}
+
+std::string render_bus_table(const record::BusStatistics& bus) {
+  std::string html =
+      "<div class=\"scroll\"><table><thead><tr><th>COB-ID</th><th>what</th><th class=\"number\">frames</th>"
+      "<th class=\"number\">bytes</th><th class=\"number\">mean [ms]</th><th class=\"number\">min [ms]</th>"
+      "<th class=\"number\">max [ms]</th><th class=\"number\">load</th></tr></thead><tbody>\n";
+  for (const record::IdStatistics& id : bus.ids) {
+    const auto period = [&](double period_s) { return id.frames > 1 ? fmt::format("{:.3f}", 1e3 * period_s) : "–"; };
+    html += fmt::format(
+        "<tr><td><code>{}</code></td><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td>"
+        "<td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td "
+        "class=\"number\">{}</td></tr>\n",
+        format_id(id), escape_markup(id.name), id.frames, id.data_bytes, period(id.mean_period_s),
+        period(id.min_period_s), period(id.max_period_s), percent(id.load));
+  }
+  return html + "</tbody></table></div>\n";
 }
 
 std::string render_bus(std::span<const Run> runs) {

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "bench/record/bus_statistics.hpp"
 #include "bench/report/report.hpp"
 
 namespace meltbench::report {
@@ -25,5 +26,7 @@ namespace meltbench::report {
 [[nodiscard]] std::string render_events(std::span<const Run> runs);
 [[nodiscard]] std::string render_frame_timing(std::span<const Run> runs);
 [[nodiscard]] std::string render_bus(std::span<const Run> runs);
+/// Traffic of each identifier.
+[[nodiscard]] std::string render_bus_table(const record::BusStatistics& bus);
 
 }  // namespace meltbench::report

@@ -1,0 +1,42 @@
+#include <catch2/catch.hpp>
+
+#include "tests/scenario/bench_process.hpp"
+
+using namespace meltbench::test;
+using Catch::Contains;
+
+namespace {
+
+std::string recording(const std::string& name) {
+  return std::string{MELTBENCH_SOURCE_DIR} + "/fixtures/recordings/" + name;
+}
+
+}  // namespace
+
+TEST_CASE("Show: the page of a log tells the same story as the text, with plots", "[scenario]") {
+  const TemporaryFolder folder;
+  const std::string page = (folder / "night.html").string();
+  const std::string log = recording("board_reboot.log.gz");
+  const std::string scenario = recording("production.toml");
+  const BenchResult text = run_bench({"show", log, "--scenario", scenario});
+  CHECK(text.status == 0);
+  CHECK_THAT(text.output, Contains("heater boots up although nobody has asked for it"));
+  const BenchResult made = run_bench({"show", log, "--scenario", scenario, "--html", page});
+  CHECK(made.status == 0);
+  CHECK_THAT(made.output, Contains(page));
+  const std::string html = read_file(page);
+  for (const char* words :
+       {"<h1>What happened on the bus: board_reboot.log.gz</h1>", "heater boots up although nobody has asked for it",
+        "1 × boot unasked", "heater SDO value 0x1018:1, Vendor-ID = 0", "\"title\":\"Bus load per second\"",
+        "\"title\":\"melt_pressure 9130h\"", "TPDO1 heater"}) {
+    CAPTURE(words);
+    CHECK(html.find(words) != std::string::npos);
+  }
+}
+
+TEST_CASE("Show: the page has no frames in it, and says so before anything is written", "[scenario]") {
+  const TemporaryFolder folder;
+  const BenchResult result = run_bench({"show", "none.log", "--frames", "--html", (folder / "night.html").string()});
+  CHECK(result.status == 2);
+  CHECK_FALSE(std::filesystem::exists(folder / "night.html"));
+}
