@@ -121,7 +121,7 @@ void add_replay_command(CLI::App& app, cli::ReplayRequest& request) {
       app.add_subcommand("replay", "Play a recorded log: onto a bus, to the controller, or to the boards");
   replay->add_option("log", request.log, "A log (candump, ASC, BLF, gzip), or a run's folder")->required();
   replay->add_option("--channel", request.channel, "Channel of the log  (default: that of the first frame)");
-  replay->add_option("--can", request.can, "Send all frames at their recorded times on this kernel interface");
+  replay->add_option("--can", request.can, "Send all frames at their recorded times on can0, vcan0 ..., or slcan:PORT@BIT_RATE");
   replay->add_option("--speed", request.speed, "With --can: so many times as fast")->default_str("1");
   replay->add_option("--loop", request.loops, "With --can: so many times; 0 = until Ctrl-C")->default_str("1");
   replay->add_option("--only", request.only, "With --can: ID or ID/MASK in hexadecimal; may be given several times");

@@ -17,7 +17,7 @@
 #include "bench/replay/raw_replay.hpp"
 #include "controller/machine/controller.hpp"
 #include "plant_emulator/emulator.hpp"
-#include "protocols/link/socketcan_link.hpp"
+#include "protocols/link/can_link.hpp"
 #include "protocols/runtime/participant_port.hpp"
 #include "protocols/runtime/stop_signal.hpp"
 
@@ -65,17 +65,19 @@ replay::RawReplayRequest to_raw_request(const ReplayRequest& request) {
 
 ExitStatus replay_onto_bus(const ReplayRequest& request) {
   const link::BusUri uri = link::parse_bus_uri(request.can);
-  if (uri.kind != link::BusUri::Kind::kSocketCan) {
-    throw std::invalid_argument{"--can needs a kernel interface such as can0; to a controller or boards of ours: --to"};
+  if (uri.kind != link::BusUri::Kind::kSocketCan && uri.kind != link::BusUri::Kind::kSlcan) {
+    throw std::invalid_argument{
+        "--can needs a kernel interface such as can0, or slcan:PORT; to a controller or boards of ours: --to"};
   }
   const replay::RawReplayRequest raw = to_raw_request(request);
   const std::filesystem::path path = find_log(request.log);
-  link::SocketCanLink bus{uri.name};
+  const auto bus = link::open_can_link(uri);
   runtime::catch_stop_signals();
   const replay::RawReplayResult result =
-      replay::replay_raw([&path] { return log::open_log(path); }, bus, raw, [] { return runtime::stop_requested(); });
+      replay::replay_raw([&path] { return log::open_log(path); }, *bus, raw, [] { return runtime::stop_requested(); });
   fmt::print("{} frames sent on {}, {} left out, {} not for this bus; transmit queue full {} times\n", result.sent,
              uri.name, result.left_out, result.unsupported, result.waits);
+  if (result.refused > 0) fmt::print("{} of them refused by the adapter\n", result.refused);
   fmt::print("behind the recorded times: p50 {:.1f} us, p99 {:.1f} us, max {:.1f} us\n",
              to_s(result.lateness.quantile(0.5)) * 1e6, to_s(result.lateness.quantile(0.99)) * 1e6,
              to_s(result.lateness.max()) * 1e6);

@@ -34,6 +34,7 @@ struct RawReplayResult {
   std::uint64_t left_out = 0;     ///< Filtered, error frames, other channels.
   std::uint64_t unsupported = 0;  ///< The bus cannot carry them: FD on a classic interface.
   std::uint64_t waits = 0;        ///< Times that the transmit queue was full.
+  std::uint64_t refused = 0;      ///< Sent, but an adapter refused them then.
   LogHistogram lateness;          ///< When each frame went out, after when it should have.
 };
 

@@ -1,3 +1,4 @@
+#include "tests/protocols/link/pseudo_terminal.hpp"
 #include "tests/scenario/bench_process.hpp"
 
 using namespace meltbench;
@@ -35,4 +36,25 @@ TEST_CASE("slcan: an adapter has no virtual time, and one that is not there is t
   const BenchResult missing = run_bench({"run", scenario, "--can", "slcan:/dev/ttyACM77"});
   CHECK(missing.status == 2);
   CHECK_THAT(missing.output, Catch::Contains("/dev/ttyACM77") && Catch::Contains("by-id"));
+}
+
+TEST_CASE("slcan: a log is replayed onto an adapter, and what that refuses is told", "[scenario]") {
+  const TemporaryFolder folder;
+  std::ofstream{folder / "night.log"}
+      << "(1.000000) can0 181#0102\n"
+         "(1.002000) can0 20000088#0000000000000000\n"  // An error frame stays where it was.
+         "(1.004000) can0 01234567#R\n"
+         "(1.004000) can1 701#05\n";
+  const Device adapter;
+  BenchProcess replay{{"replay", folder / "night.log", "--can", "slcan:" + adapter.name() + "@250000", "--loop", "0"},
+                      folder / "said.txt"};
+  const std::string expected = "\rC\rS5\rO\rt18120102\rR012345670\r";
+  CHECK(adapter.read(expected.size()) == expected);
+  adapter.write("z\r\a");
+  ::kill(replay.pid(), SIGINT);
+  const int status = replay.wait();
+  INFO(replay.output());
+  CHECK(status == 0);
+  CHECK_THAT(replay.output(), Catch::Contains("frames sent on " + adapter.name()) && Catch::Contains("0 not for") &&
+                                  Catch::Contains("1 of them refused by the adapter"));
 }
