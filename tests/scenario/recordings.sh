@@ -10,7 +10,10 @@ count=0
 for log in fixtures/recordings/*.log.gz; do
   name=$(basename "$log" .log.gz)
   count=$((count + 1))
-  "$meltbench" extract "$log" --scenario fixtures/recordings/production.toml -o "$out/$name.toml" > "$out/$name.txt"
+  story=fixtures/recordings/$name.md
+  [ -f "$story" ] || { echo "$story is missing: what is the story?"; bad=1; continue; }
+  machine=$(sed -n 's/^Machine: //p' "$story")
+  "$meltbench" extract "$log" --scenario "fixtures/recordings/${machine:-production.toml}" -o "$out/$name.toml" > "$out/$name.txt"
   # The rig's path depends on where the scenario lies.
   grep -v '^rig = ' "$out/$name.toml" > "$out/$name.new"
   grep -v '^rig = ' "fixtures/recordings/$name.toml" > "$out/$name.old"
@@ -19,7 +22,6 @@ for log in fixtures/recordings/*.log.gz; do
     bad=1
   fi
   "$meltbench" run "fixtures/recordings/$name.toml" --in-process --quiet --out "$out/$name" || bad=1
-  [ -f "fixtures/recordings/$name.md" ] || { echo "fixtures/recordings/$name.md is missing: what is the story?"; bad=1; }
 done
 [ $count -ge 10 ] || { echo "only $count recordings"; bad=1; }
 exit $bad
