@@ -5,6 +5,7 @@
 
 #include "controller/machine/controller.hpp"
 #include "controller/machine/settings.hpp"
+#include "protocols/participant/restartable.hpp"
 #include "protocols/program/program.hpp"
 
 using namespace meltbench;
@@ -15,6 +16,7 @@ int main(int argc, char** argv) {
   program::ProgramOptions options;
   program::add_options(app, options);
   return program::run(app, options, argc, argv, [](const config::Section& root, const config::Rig&) {
-    return std::make_unique<machine::Controller>(machine::read_settings(root));
+    return std::make_unique<Restartable>(
+        [settings = machine::read_settings(root)] { return std::make_unique<machine::Controller>(settings); });
   });
 }

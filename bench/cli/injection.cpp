@@ -21,8 +21,8 @@ Injection::Injection(std::vector<fault::Fault> faults, std::uint64_t seed,
   injector_ = std::make_unique<fault::Injector>(
       std::move(faults), fault::Injector::Setup{seed, signals, names, emulator, report, std::move(lines)});
   for (std::size_t number = 0; number < ports.size(); ++number) {
-    skewed_.push_back(std::make_unique<fault::SkewedPort>(*ports[number], injector_->clock_of(number)));
-    ports_.push_back(skewed_.back().get());
+    faulty_.push_back(std::make_unique<fault::FaultyPort>(*ports[number], injector_->condition_of(number)));
+    ports_.push_back(faulty_.back().get());
   }
 }
 

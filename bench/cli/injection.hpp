@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "bench/bus/run_observer.hpp"
-#include "bench/fault/clock_skew.hpp"
+#include "bench/fault/faulty_port.hpp"
 #include "bench/fault/injector.hpp"
 #include "protocols/runtime/participant_port.hpp"
 
@@ -25,7 +25,7 @@ class Injection {
 
  private:
   std::unique_ptr<fault::Injector> injector_;
-  std::vector<std::unique_ptr<fault::SkewedPort>> skewed_;
+  std::vector<std::unique_ptr<fault::FaultyPort>> faulty_;
   std::vector<runtime::ParticipantPort*> ports_;
 };
 

@@ -9,6 +9,7 @@
 #include "controller/machine/controller.hpp"
 #include "plant_emulator/emulator.hpp"
 #include "protocols/config/line_ports.hpp"
+#include "protocols/participant/restartable.hpp"
 #include "protocols/runtime/real_time_driver.hpp"
 
 namespace meltbench::cli {
@@ -79,7 +80,8 @@ PreparedRun prepare(scenario::ResolvedRun run, std::filesystem::path folder, con
   const config::Rig& rig = prepared.run.rig;
   std::vector<SignalInfo> signals;
   if (!rig.controller_is_external) {
-    prepared.controller = std::make_unique<machine::Controller>(machine::read_settings(root));
+    prepared.controller = std::make_unique<Restartable>(
+        [settings = machine::read_settings(root)] { return std::make_unique<machine::Controller>(settings); });
     append(signals, prepared.controller->signals());
   }
   if (rig.has_emulated_board()) {

@@ -1,12 +1,6 @@
 #pragma once
-/// A participant whose clock does not go as the bench's does.
+/// A clock that does not go as the bench's does.
 
-#include <span>
-#include <string>
-#include <string_view>
-#include <vector>
-
-#include "protocols/runtime/participant_port.hpp"
 #include "protocols/time/instant.hpp"
 
 namespace meltbench::fault {
@@ -35,25 +29,6 @@ class ClockSkew {
   Instant from_;
   Instant shown_;
   double drift_ = 0.0;
-};
-
-/// Wakes a participant by its own clock.
-class SkewedPort final : public runtime::ParticipantPort {
- public:
-  /// @param port, clock  outlive this object.
-  SkewedPort(runtime::ParticipantPort& port, const ClockSkew& clock) : port_{port}, clock_{clock} {}
-
-  [[nodiscard]] std::string_view name() const override { return port_.name(); }
-  [[nodiscard]] std::span<const SignalInfo> signals() const override { return port_.signals(); }
-  [[nodiscard]] std::span<const std::string> nodes() const override { return port_.nodes(); }
-  [[nodiscard]] std::span<const std::string> lines() const override { return port_.lines(); }
-  [[nodiscard]] runtime::PortStatus wake(const Wakeup& in, Outbox& out, std::span<double> signals) override;
-
- private:
-  runtime::ParticipantPort& port_;
-  const ClockSkew& clock_;
-  std::vector<can::StampedFrame> frames_;
-  std::vector<SerialArrival> serial_;
 };
 
 }  // namespace meltbench::fault

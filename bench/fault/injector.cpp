@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "bench/bus/bit_timed_medium.hpp"
+#include "protocols/participant/restartable.hpp"
 
 namespace meltbench::fault {
 
@@ -32,8 +33,12 @@ bool is_order(Target target) {
          target == Target::kPlant;
 }
 
+bool is_of_program(Target target) {
+  return target == Target::kClock || target == Target::kProgram;
+}
+
 bool is_moment(Kind kind) {
-  return kind == Kind::kReboot || kind == Kind::kStep;
+  return kind == Kind::kReboot || kind == Kind::kStep || kind == Kind::kRestart;
 }
 
 bool holds(const Trigger& trigger, double value) {
@@ -48,7 +53,7 @@ Injector::Injector(std::vector<Fault> faults, const Setup& setup)
       participants_{setup.participants.begin(), setup.participants.end()},
       emulator_{setup.emulator},
       report_{setup.report},
-      clocks_(setup.participants.size()),
+      programs_(setup.participants.size()),
       wires_{setup.emulator, setup.emulator_lines} {
   for (Fault& fault : faults) plan(std::move(fault));
   update_deadline();
@@ -114,15 +119,30 @@ void Injector::begin(std::size_t number, Instant now, bus::RunControl& run) {
   planned.due = fault.duration ? now + *fault.duration : Instant::never();
   tell(now, "fault-on", planned, "");
   if (is_order(fault.target)) run.post_order(emulator_, write_order(number, true, fault));
-  if (fault.target == Target::kClock) {
-    const auto of = std::find(participants_.begin(), participants_.end(), fault.object);
-    ClockSkew& clock = clocks_[static_cast<std::size_t>(of - participants_.begin())];
-    if (fault.kind() == Kind::kDrift) clock.set_drift(now, fault.value("drift_ppm"));
-    if (fault.kind() == Kind::kStep) clock.step(now, nanos_from_ms(fault.value("step_ms")));
-  }
+  if (is_of_program(fault.target)) begin_program(fault, now, run);
   wires_.begin(number, fault, planned.seed, now, run);
   if (fault.kind() == Kind::kCorrupt && flip_on_wire(planned, now, run)) planned.phase = Phase::kOver;
   if (is_moment(fault.kind())) planned.phase = Phase::kOver;
+}
+
+std::size_t Injector::find_participant(std::string_view name) const {
+  return static_cast<std::size_t>(std::find(participants_.begin(), participants_.end(), name) - participants_.begin());
+}
+
+void Injector::begin_program(const Fault& fault, Instant now, bus::RunControl& run) {
+  const std::size_t number = find_participant(fault.object);
+  ProgramCondition& program = programs_[number];
+  if (fault.kind() == Kind::kDrift) program.clock.set_drift(now, fault.value("drift_ppm"));
+  if (fault.kind() == Kind::kStep) program.clock.step(now, nanos_from_ms(fault.value("step_ms")));
+  if (fault.kind() == Kind::kKilled) ++program.kills;
+  if (fault.kind() == Kind::kRestart) run.post_order(number, std::string{Restartable::kOrder});
+}
+
+void Injector::end_program(const Fault& fault, Instant now, bus::RunControl& run) {
+  const std::size_t number = find_participant(fault.object);
+  ProgramCondition& program = programs_[number];
+  if (fault.kind() == Kind::kDrift) program.clock.set_drift(now, 0.0);
+  if (fault.kind() == Kind::kKilled && --program.kills == 0) run.post_order(number, std::string{Restartable::kOrder});
 }
 
 /// Where frames have bits, they are corrupted there: an error frame, and the sender repeats.
@@ -142,10 +162,7 @@ void Injector::end(std::size_t number, Instant now, bus::RunControl& run) {
   planned.phase = Phase::kOver;
   wires_.end(number, fault, now, run);
   if (is_order(fault.target)) run.post_order(emulator_, write_order(number, false, fault));
-  if (fault.target == Target::kClock) {
-    const auto of = std::find(participants_.begin(), participants_.end(), fault.object);
-    clocks_[static_cast<std::size_t>(of - participants_.begin())].set_drift(now, 0.0);
-  }
+  if (is_of_program(fault.target)) end_program(fault, now, run);
   tell(now, "fault-off", planned,
        fault.target == Target::kFrame ? fmt::format(": hit {} of {} frames", planned.hits, planned.matched) : "");
 }

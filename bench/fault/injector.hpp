@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "bench/bus/intervention.hpp"
-#include "bench/fault/clock_skew.hpp"
+#include "bench/fault/faulty_port.hpp"
 #include "bench/fault/wire_faults.hpp"
 #include "protocols/fault/fault.hpp"
 #include "protocols/participant/participant.hpp"
@@ -18,7 +18,7 @@
 namespace meltbench::fault {
 
 /// Stands between the bus and the participants. Faults of boards, sensors, actuators and the plant go as orders to the
-/// emulator; faults of a clock to that participant's ClockSkew.
+/// emulator; faults of a program and of its clock to that participant's FaultyPort.
 ///
 /// On the ideal bus a frame whose bits are flipped fails its CRC in every receiver and is lost; there is no repetition.
 /// On the bit-timed bus a bit of it is flipped on the wire: an error frame, and the sender repeats.
@@ -48,8 +48,8 @@ class Injector final : public bus::Intervention {
   /// Ends all faults of this name that are on or still to come. @returns how many.
   std::size_t clear(std::string_view name, Instant now);
 
-  /// Clock of a participant, for its SkewedPort.
-  [[nodiscard]] ClockSkew& clock_of(std::size_t participant) { return clocks_[participant]; }
+  /// Of a participant, for its FaultyPort.
+  [[nodiscard]] const ProgramCondition& condition_of(std::size_t participant) const { return programs_[participant]; }
 
   [[nodiscard]] Instant next_deadline() const override { return deadline_; }
   void on_time(Instant now, bus::RunControl& run) override;
@@ -80,6 +80,9 @@ class Injector final : public bus::Intervention {
   void plan(Fault fault);
   void begin(std::size_t number, Instant now, bus::RunControl& run);
   void end(std::size_t number, Instant now, bus::RunControl& run);
+  void begin_program(const Fault& fault, Instant now, bus::RunControl& run);
+  void end_program(const Fault& fault, Instant now, bus::RunControl& run);
+  [[nodiscard]] std::size_t find_participant(std::string_view name) const;
   [[nodiscard]] bool hits(Planned& planned, const can::CanFrame& frame) const;
   [[nodiscard]] bool apply(Planned& planned, const can::StampedFrame& frame, std::size_t sender);
   void pass_held(Instant now);
@@ -94,7 +97,7 @@ class Injector final : public bus::Intervention {
   std::size_t emulator_;
   Report report_;
   std::vector<Planned> faults_;
-  std::vector<ClockSkew> clocks_;
+  std::vector<ProgramCondition> programs_;
   WireFaults wires_;
   std::vector<Held> held_;  ///< In the order in which they were taken.
   Instant deadline_ = Instant::never();

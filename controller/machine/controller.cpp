@@ -75,6 +75,7 @@ void Controller::wake(const Wakeup& in, Outbox& out) {
   if (state_ == ControllerState::kOff) {
     // What has come until now is older than the reset, and would only mislead.
     state_ = ControllerState::kBooting;
+    if (in.now > Instant{}) join(in.now);
     bus_.start(in.now, out);
   } else {
     for (const can::StampedFrame& stamped : in.frames) on_frame(in.now, stamped.frame, out);
@@ -102,16 +103,24 @@ Instant Controller::next_deadline() const {
   return next;
 }
 
+/// The machine has been running before this controller was: it goes on from what it finds. Nobody repeats the orders
+/// that it has missed.
+void Controller::join(Instant now) {
+  joined_ = true;
+  while (next_order_ < settings_.orders.size() && settings_.orders[next_order_].at < now) ++next_order_;
+  if (feed_) feed_->forget_set_points_before(now);
+}
+
 void Controller::begin(Instant now, Outbox& out) {
   screw_.connect(bus_);
   if (feed_) feed_->connect(bus_);
   if (melt_) melt_->connect(bus_);
   if (zones_) zones_->release(!sequence_);
   state_ = ControllerState::kReady;
-  if (restarted_) {
+  if (restarted_ || joined_) {
     screw_.resume();
     if (feed_) feed_->start_from_feed();
-    if (sequence_) static_cast<void>(sequence_->obey(now, SequenceOrder::kStart));
+    if (restarted_ && sequence_) static_cast<void>(sequence_->obey(now, SequenceOrder::kStart));
   }
   std::string laws;
   if (feed_) laws += ", law " + settings_.law;

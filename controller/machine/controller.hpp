@@ -73,6 +73,7 @@ class Controller final : public Participant {
   [[nodiscard]] bool are_units_configured() const;
   void on_frame(Instant now, const can::CanFrame& frame, Outbox& out);
   void handle_troubles(Instant now, Outbox& out);
+  void join(Instant now);
   void begin(Instant now, Outbox& out);
 
   void run_timeline(Instant now, Outbox& out);
@@ -106,7 +107,8 @@ class Controller final : public Participant {
   LinkState link_ = LinkState::kUp;
   can::ErrorState node_state_ = can::ErrorState::kActive;
   Instant node_state_since_;
-  bool restarted_ = false;
+  bool restarted_ = false;  // By order, after a fault.
+  bool joined_ = false;     // Started in the middle of a run.
   std::optional<FeedControl> feed_;
   std::optional<MeltControl> melt_;
   std::optional<ZoneControl> zones_;

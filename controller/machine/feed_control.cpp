@@ -187,6 +187,13 @@ void FeedControl::note_sent() {
   if (const auto sent = feeder_->take_sent()) loop_->note_sent(sent->at, sent->flow_kg_per_s);
 }
 
+void FeedControl::forget_set_points_before(Instant now) {
+  const auto first = set_points_.begin() + 1;
+  set_points_.erase(first,
+                    std::find_if(first, set_points_.end(), [&](const SetPoint& one) { return one.from >= now; }));
+  settings_.set_points = set_points_;
+}
+
 bool FeedControl::run_set_points(Instant now) {
   const std::size_t before = set_point_;
   while (set_point_ + 1 < set_points_.size() && set_points_[set_point_ + 1].from <= now) ++set_point_;

@@ -59,6 +59,8 @@ class FeedControl {
   void start_empty() { loop_->start_empty(); }
   void stop() { loop_->stop(); }
 
+  /// Of the timeline. The configured one stays. @pre before connect().
+  void forget_set_points_before(Instant now);
   /// @returns true if another set point is in force now.
   bool run_set_points(Instant now);
   [[nodiscard]] Instant next_set_point() const;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "controller/machine/boot_plan.hpp"
 #include "controller/machine/drive_402.hpp"
@@ -39,6 +40,7 @@ bool ScrewControl::take(const can::CanFrame& frame, Instant sync_at) {
 
 std::optional<ScrewSample> ScrewControl::close_cycle() {
   const std::optional<ScrewSample> sample = sample_;
+  if (sample && std::exchange(resuming_, false)) demand_rev_per_s_ = speed_m_per_s_ / pitch_m_;
   if (sample) check_speed(sample->at);
   sample_.reset();
   return sample;
@@ -59,12 +61,12 @@ void ScrewControl::check_speed(Instant at) {
 
 void ScrewControl::resume() {
   stopped_ = false;
-  demand_rev_per_s_ = speed_m_per_s_ / pitch_m_;
+  resuming_ = true;
   wrong_since_.reset();
 }
 
 void ScrewControl::drive(Outbox& out) {
-  if (!moves_ || stopped_) return;
+  if (!moves_ || stopped_ || resuming_) return;
   demand_rev_per_s_ += std::clamp(target_rev_per_s_ - demand_rev_per_s_, -ramp_rev_per_cycle_, ramp_rev_per_cycle_);
   const auto inc_per_s = static_cast<std::int32_t>(std::lround(demand_rev_per_s_ * increments_per_rev_));
   out.send(make_velocity(node_id_, kEnableOperation, inc_per_s));

@@ -30,7 +30,7 @@ class ScrewControl {
   /// Once per cycle: moves the ramp on and tells the drive. Does nothing if the controller does not move the screw.
   void drive(Outbox& out);
   void quick_stop(Outbox& out);
-  /// After a fault: goes on from the speed that the screw has.
+  /// After a boot in the middle of a run: goes on from the speed that the screw is heard to have.
   void resume();
   /// Since when the encoder has shown a speed that is far from what was asked for; nothing: it does not.
   [[nodiscard]] std::optional<Instant> wrong_since() const { return wrong_since_; }
@@ -51,6 +51,7 @@ class ScrewControl {
   double target_rev_per_s_ = 0.0;
   double demand_rev_per_s_ = 0.0;
   bool stopped_ = false;
+  bool resuming_ = false;  // Until it is heard.
   double speed_m_per_s_ = 0.0;
   Instant measured_at_;
   std::optional<Instant> wrong_since_;

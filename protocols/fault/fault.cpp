@@ -191,6 +191,7 @@ std::vector<std::string> list_targets(const Scope& scope) {
       if (!board.is_real && !board.is_on_line()) targets.push_back("bus." + board.name);
     }
   }
+  if (!scope.rig.controller_is_external) targets.emplace_back("program.controller");
   for (const config::RigLine& line : scope.rig.lines) targets.push_back("line." + line.name);
   for (const config::RigBoard& board : scope.rig.boards) {
     if (!board.is_real && !board.is_on_line()) targets.push_back("board." + board.name);

@@ -76,7 +76,7 @@ struct Scope {
 [[nodiscard]] const ObjectInfo* object_of(std::string_view target);
 
 /// Keys of [[fault]]; key, range, (default), what:
-/// - target       frame | board.NAME | sensor.NAME | actuator.NAME | plant | clock.NAME
+/// - target       one of list_targets(): fixtures/scenarios/FAULTS.md
 /// - kind         what this target can do: fixtures/scenarios/FAULTS.md; anything else is refused with the list
 /// - the parameters of the kind
 /// - at_s         >= 0                  begins then; or

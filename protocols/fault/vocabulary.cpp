@@ -83,6 +83,9 @@ constexpr std::array kVocabulary{
 
     row(Target::kClock, Kind::kDrift, "drift", Parameter{"drift_ppm", Unit::kAsNamed, -100'000, 100'000, {}}),
     row(Target::kClock, Kind::kStep, "step", Parameter{"step_ms", Unit::kAsNamed, 0.001, 60'000, {}}),
+
+    row(Target::kProgram, Kind::kKilled, "killed"),
+    row(Target::kProgram, Kind::kRestart, "restart"),
 };
 
 constexpr std::array kObjects{
@@ -108,8 +111,8 @@ constexpr std::array kObjects{
     ObjectInfo{Target::kActuator, "nozzle", "share", "share", "heater", kHeaterFaults},
 };
 
-constexpr std::array<std::string_view, kTargets> kTargetNames{"frame",    "bus",   "board", "sensor",
-                                                              "actuator", "plant", "line",  "clock"};
+constexpr std::array<std::string_view, kTargets> kTargetNames{"frame", "bus",  "board", "sensor", "actuator",
+                                                              "plant", "line", "clock", "program"};
 constexpr std::array<std::string_view, 5> kChannels{"zone1", "zone2", "zone3", "zone4", "nozzle"};
 
 }  // namespace

@@ -11,8 +11,8 @@
 
 namespace meltbench::fault {
 
-enum class Target : std::uint8_t { kFrame, kBus, kBoard, kSensor, kActuator, kPlant, kLine, kClock };
-inline constexpr std::size_t kTargets = 8;
+enum class Target : std::uint8_t { kFrame, kBus, kBoard, kSensor, kActuator, kPlant, kLine, kClock, kProgram };
+inline constexpr std::size_t kTargets = 9;
 
 /// "frame", "board" ...: what stands before the dot of a target.
 [[nodiscard]] std::string_view name_of(Target target);
@@ -64,6 +64,9 @@ enum class Kind : std::uint8_t {
   kWrongParity,
   kStall,
   kUnplugged,
+  // program
+  kKilled,
+  kRestart,
 };
 
 /// What the unit at the end of a parameter's key is.

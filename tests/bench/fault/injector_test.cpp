@@ -1,22 +1,27 @@
 #include "bench/fault/injector.hpp"
 
 #include <catch2/catch.hpp>
+#include <cmath>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "bench/bus/run_observer.hpp"
 #include "bench/bus/virtual_time.hpp"
+#include "bench/fault/faulty_port.hpp"
 #include "protocols/config/toml.hpp"
+#include "protocols/participant/restartable.hpp"
 
 using namespace meltbench;
 
 namespace {
 
-/// Sends one frame 0x181, 0x182 ... every 10 ms, the first at 0.
+/// Sends one frame 0x181, 0x182 ... every 10 ms, the first when it is started.
 class Talker final : public Participant {
  public:
   [[nodiscard]] std::string_view name() const override { return "controller"; }
   void wake(const Wakeup& in, Outbox& out) override {
+    if (sent_ == 0) next_ = in.now;
     for (; next_ <= in.now; next_ += 10ms) {
       ++sent_;
       for (std::uint8_t i = 1; i <= 2; ++i) out.send(can::make_frame(0x180U + i, {sent_}));
@@ -51,9 +56,10 @@ class Listener final : public Participant {
 class Observer final : public bus::RunObserver {
  public:
   void on_frame(const can::StampedFrame& frame, std::size_t) override { frames.push_back(frame); }
-  void on_row(Instant, std::span<const double>) override {}
+  void on_row(Instant, std::span<const double> values) override { talker.push_back(values.front()); }
   void on_event(std::size_t, const Event&) override {}
   std::vector<can::StampedFrame> frames;
+  std::vector<double> talker;  ///< Its signal, every 10 ms.
 };
 
 struct Run {
@@ -61,6 +67,7 @@ struct Run {
   std::vector<std::pair<Instant, std::string>> orders;
   std::vector<Event> events;
   std::vector<can::StampedFrame> recorded;
+  std::vector<double> talker;
 
   /// Numbers of the frames with this id, in the order in which they came.
   [[nodiscard]] std::vector<int> numbers(std::uint32_t id) const {
@@ -83,21 +90,23 @@ Run run(const std::vector<std::string>& texts, Nanos duration = 95ms, std::uint6
   std::vector<fault::Fault> faults;
   for (const std::string& text : texts) faults.push_back(fault::read_live_fault(text, scope));
   Run result;
-  Talker talker;
+  Restartable talker{[] { return std::make_unique<Talker>(); }};
   Listener listener;
   runtime::InProcessPort first{talker};
   runtime::InProcessPort second{listener};
   const std::vector<std::string_view> names{"controller", "plant"};
   fault::Injector injector{
       faults, {seed, talker.signals(), names, 1, [&](const Event& event) { result.events.push_back(event); }}};
-  fault::SkewedPort skewed_first{first, injector.clock_of(0)};
-  fault::SkewedPort skewed_second{second, injector.clock_of(1)};
-  const std::vector<runtime::ParticipantPort*> ports{&skewed_first, &skewed_second};
+  fault::FaultyPort faulty_first{first, injector.condition_of(0)};
+  fault::FaultyPort faulty_second{second, injector.condition_of(1)};
+  const std::vector<runtime::ParticipantPort*> ports{&faulty_first, &faulty_second};
   Observer observer;
-  REQUIRE(bus::VirtualTime{ports, 10ms, observer, {.intervention = &injector}}.run(duration).kind == bus::RunOutcome::Kind::kCompleted);
+  REQUIRE(bus::VirtualTime{ports, 10ms, observer, {.intervention = &injector}}.run(duration).kind ==
+          bus::RunOutcome::Kind::kCompleted);
   result.heard = listener.heard;
   result.orders = listener.orders;
   result.recorded = observer.frames;
+  result.talker = observer.talker;
   return result;
 }
 
@@ -192,4 +201,22 @@ TEST_CASE("A clock that drifts or steps moves its participant alone", "[fault]")
   REQUIRE(stepped.heard.size() == 20);
   CHECK(stepped.heard[4].at == Instant{20ms});
   CHECK(stepped.heard[6].at == Instant{35ms});
+}
+
+TEST_CASE("A killed program says nothing and has no values until it is started again, and then knows nothing",
+          "[fault]") {
+  const Run seen = run({"target = 'program.controller'\nkind = 'killed'\nat_s = 0.025\nfor_s = 0.03"});
+  CHECK(seen.numbers(0x181) == std::vector<int>{1, 2, 3, 1, 2, 3, 4, 5});
+  REQUIRE(seen.heard.size() == 16);
+  CHECK(seen.heard[6].at == Instant{55ms});
+  REQUIRE(seen.talker.size() == 10);
+  CHECK(seen.talker[2] == 3);
+  CHECK(std::isnan(seen.talker[3]));
+  CHECK(std::isnan(seen.talker[5]));
+  CHECK(seen.talker[6] == 1);
+  const Run twice = run({"target = 'program.controller'\nkind = 'killed'\nat_s = 0.025\nfor_s = 0.03",
+                         "target = 'program.controller'\nkind = 'killed'\nat_s = 0.035"});
+  CHECK(twice.numbers(0x181) == std::vector<int>{1, 2, 3});
+  const Run again = run({"target = 'program.controller'\nkind = 'restart'\nat_s = 0.025"});
+  CHECK(again.numbers(0x181) == std::vector<int>{1, 2, 3, 1, 2, 3, 4, 5, 6, 7, 8});
 }

@@ -393,8 +393,7 @@ TEST_CASE("Controller: equal input gives equal frames", "[machine]") {
 TEST_CASE("Controller: the safe state ends with the order to start alone, and the feed goes on from what is delivered",
           "[machine]") {
   ControllerSettings settings = make_settings();
-  settings.orders = {
-      {.at = Instant{4s}, .kind = Order::Kind::kSequence, .order = SequenceOrder::kStart}};
+  settings.orders = {{.at = Instant{4s}, .kind = Order::Kind::kSequence, .order = SequenceOrder::kStart}};
   FakeRig rig{settings};
   rig.run_for_s(1.0);
   rig.process.x_m = 0.199;
@@ -408,6 +407,25 @@ TEST_CASE("Controller: the safe state ends with the order to start alone, and th
   CHECK(rig.find_event("restart") != nullptr);
   // In the middle, at the set point, fed with what holds it: nothing to correct.
   CHECK(rig.signal("controller.U_command") == Approx(0.2528).epsilon(0.01));
+}
+
+TEST_CASE("Controller: started in the middle of a run it goes on from what it finds, without the orders before",
+          "[machine]") {
+  ControllerSettings settings = make_settings();
+  settings.set_points.push_back({Instant{2s}, 0.05});
+  settings.set_points.push_back({Instant{6s}, 0.1});
+  settings.orders = {{.at = Instant{3s}, .kind = Order::Kind::kScrewSpeed, .value = 1.0}};
+  FakeRig rig{settings};
+  rig.start_at(Instant{4s});
+  rig.process.x_m = 0.16;
+  rig.run_for_s(5.0);
+  CHECK(rig.controller.state() == ControllerState::kRunning);
+  CHECK(rig.find_event("screw-speed") == nullptr);
+  CHECK(rig.signal("controller.set_point_m") == 0.16);
+  // At the set point, and the feeder brings 2.6 kg/h: the law knows that it does, and asks for what holds.
+  CHECK(rig.signal("controller.U_command") > 0.2);
+  rig.run_for_s(6.5);
+  CHECK(rig.signal("controller.set_point_m") == 0.1);
 }
 
 TEST_CASE("Controller: bus-off leads to the safe state at once, error-passive after a second", "[machine]") {

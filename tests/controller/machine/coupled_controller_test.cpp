@@ -362,3 +362,22 @@ TEST_CASE("Coupled controller: a running cycle allocates nothing", "[machine]") 
   rig.run_for_s(11.0);
   CHECK(rig.allocations == before);
 }
+
+TEST_CASE("Controller: started beside a screw that turns it goes on from the speed that it finds", "[machine]") {
+  ControllerSettings settings = make_coupled_settings();
+  settings.sequence.reset();
+  settings.orders = {{.at = Instant{9s}, .kind = Order::Kind::kScrewSpeed, .value = 1.0}};  // So it is its screw.
+  FakeCoupledRig rig{settings};
+  rig.drive.follows_target = false;
+  rig.process.rev_per_s = 1.2;
+  rig.process.T_zone_degC = 147.0;
+  rig.start_at(Instant{4s});
+  rig.run_for_s(4.2);
+  const auto first = std::find_if(rig.sent.begin(), rig.sent.end(), [](const can::StampedFrame& sent) {
+    return sent.frame.id == canopen::cob_id::rpdo(drive_object::kVelocityRpdo, 6);
+  });
+  REQUIRE(first != rig.sent.end());
+  const auto inc_per_s = canopen::load<std::int32_t>(first->frame.data(), 2);
+  CHECK(inc_per_s >= 1.2 * 65536);
+  CHECK(inc_per_s < 1.25 * 65536);
+}

@@ -235,6 +235,9 @@ class FakeBus {
   }
   void run_for_s(double seconds) { run_until(Instant{nanos_from_s(seconds)}); }
 
+  /// The controller is started now, on a bus that has been there for a while.
+  void start_at(Instant at) { now_ = controller_due_ = at; }
+
   /// As from another node on the bus.
   void inject(const can::CanFrame& frame) { arrived_.push_back({now_, frame}); }
 

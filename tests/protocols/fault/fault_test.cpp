@@ -69,6 +69,16 @@ TEST_CASE("What a target cannot do is refused with the list of what it can", "[f
   CHECK_THAT(bizone.refusal("target = 'frame'\nkind = 'drop'\nwhere = 3"), Contains("where"));
 }
 
+TEST_CASE("Our own controller can be killed, one that is external cannot", "[fault]") {
+  Bench bench{"coupled.toml"};
+  const std::string text = "target = 'program.controller'\nkind = ";
+  CHECK(bench.refusal(text + "'killed'\nfor_s = 3") == "accepted");
+  CHECK_THAT(bench.refusal(text + "'off'"), Contains("it can: killed, restart"));
+  CHECK_THAT(bench.refusal("target = 'program.plant'\nkind = 'killed'"), Contains("cannot fail here"));
+  bench.rig.controller_is_external = true;
+  CHECK_THAT(bench.refusal(text + "'killed'"), Contains("cannot fail here") && !Contains("program.controller,"));
+}
+
 TEST_CASE("A fault of a scenario begins by exactly one trigger", "[fault]") {
   const Bench bench{"bizone.toml"};
   CHECK_THAT(bench.refusal("target = 'frame'\nkind = 'drop'\nat_s = 1\nat_frame = { id = 0x80 }"),
