@@ -21,7 +21,8 @@ struct RunMedia {
   /// A bus behind an adapter that is to be one with the embedded bus; outlives the run; null: none. At wall-clock pace
   /// only.
   link::CanLink* adapter = nullptr;
-  /// Stands between the bus and the participants; outlives the run. Null: nobody does. In virtual time only.
+  /// Stands between the bus and the participants; outlives the run. Null: nobody does. On a kernel's bus it sees the
+  /// frames, but cannot hold them up.
   Intervention* intervention = nullptr;
   /// The embedded CAN bus in bit times; nothing: the ideal bus. A bus of a kernel or behind an adapter has its own.
   std::optional<BitTimedSettings> bit_timed{};

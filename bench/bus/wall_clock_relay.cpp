@@ -27,15 +27,13 @@ WallClockRelay::WallClockRelay(std::span<Joined> joined, Broker& broker, link::C
     : broker_{broker},
       kernel_bus_{kernel_bus},
       outside_{media.outside},
+      intervention_{media.intervention},
       lines_{media.lines},
       record_period_{record_period} {
   if (media.adapter != nullptr) gateway_.emplace(*media.adapter);
   for (Joined& program : joined) {
-    Party& party = add_party(program);
-    party.first_signal = signals_.size();
-    signals_.insert(signals_.end(), program.hello.signals.begin(), program.hello.signals.end());
-    const auto own = runtime::real_time_signals(program.hello.name);
-    signals_.insert(signals_.end(), own.begin(), own.end());
+    const std::size_t before = parties_.empty() ? 0 : parties_.back().first_signal + parties_.back().signal_count;
+    add_party(program).first_signal = before;
   }
   if (media.bit_timed && kernel_bus_ == nullptr && media.adapter == nullptr) {
     std::vector<BitTimedMedium::Member> members;
@@ -44,9 +42,19 @@ WallClockRelay::WallClockRelay(std::span<Joined> joined, Broker& broker, link::C
     medium_ = std::make_unique<BitTimedMedium>(*media.bit_timed, members, self);
   }
   // What was not reported yet has no value; a counter that was not reported has counted nothing.
-  for (const SignalInfo& signal : signals_) {
+  for (const SignalInfo& signal : signals_of(joined)) {
     values_.push_back(signal.kind == SignalKind::kErrorCounter ? 0.0 : std::numeric_limits<double>::quiet_NaN());
   }
+}
+
+std::vector<SignalInfo> WallClockRelay::signals_of(std::span<const Joined> joined) {
+  std::vector<SignalInfo> signals;
+  for (const Joined& program : joined) {
+    signals.insert(signals.end(), program.hello.signals.begin(), program.hello.signals.end());
+    const auto own = runtime::real_time_signals(program.hello.name);
+    signals.insert(signals.end(), own.begin(), own.end());
+  }
+  return signals;
 }
 
 WallClockRelay::Party& WallClockRelay::add_party(Joined& joined) {
@@ -92,6 +100,7 @@ RunOutcome WallClockRelay::run(Nanos duration, double speed, RunObserver& observ
     if (gateway_ && gateway_->has_waiting()) until = std::min(until, runtime::read_monotonic() + 1ms);
     wait(find_next_event(until));
     take_newcomer();
+    intervene();
     for (std::size_t number = 0; number < parties_.size(); ++number) read_messages(number);
     deliver_serial();
     read_kernel_bus();
@@ -225,10 +234,63 @@ bool WallClockRelay::all_have_room() const {
   });
 }
 
+/// Does what the intervention has to do by now. Before what has arrived: that was sent before it is read.
+void WallClockRelay::intervene() {
+  if (intervention_ == nullptr) return;
+  for (std::size_t number = 0; number < parties_.size(); ++number) tell(number);
+  const Instant now = clock_.now();
+  if (intervention_->next_deadline() > now) return;
+  if (medium_) medium_->advance(bus_time_ = std::max(bus_time_, now));
+  intervened_at_ = std::max(now, bus_time_);
+  intervention_->on_time(intervened_at_, *this);
+}
+
+bool WallClockRelay::passes(const can::StampedFrame& frame, std::size_t sender) {
+  if (intervention_ == nullptr) return true;
+  intervened_at_ = std::max(intervened_at_, frame.at);
+  return intervention_->on_frame(frame, sender, *this);
+}
+
+void WallClockRelay::deliver(const can::CanFrame& frame, std::size_t sender) {
+  last_frame_at_ = std::max(last_frame_at_, intervened_at_);
+  distribute(sender, {runtime::read_monotonic(), 0, frame});
+}
+
+void WallClockRelay::post_order(std::size_t participant, std::string order) {
+  parties_[participant].orders.push_back(std::move(order));
+  tell(participant);
+}
+
+void WallClockRelay::plug_line(std::size_t participant, std::uint8_t own_line, bool in) {
+  lines_.plug(clock_.now(), participant, own_line, in);
+  parties_[participant].lines_changed = true;
+  tell(participant);
+}
+
+/// Orders and plugs, as soon as there is room for them: none may be lost.
+void WallClockRelay::tell(std::size_t number) {
+  Party& party = parties_[number];
+  const auto is_told = [&] { return party.joined->socket.try_send(writer_.bytes()) == link::SendStatus::kSent; };
+  if (party.lines_changed) {
+    runtime::write_line_states(writer_, lines_.states(number));
+    party.lines_changed = !is_told();
+  }
+  while (!party.gone && !party.orders.empty()) {
+    runtime::write_order(writer_, party.orders.front());
+    if (!is_told()) return;
+    party.orders.pop_front();
+  }
+}
+
 void WallClockRelay::carry(std::size_t sender, const runtime::CarriedFrame& carried) {
   last_frame_at_ = std::max({last_frame_at_, clock_.to_instant(carried.at_monotonic), Instant{}});
+  const bool is_carried_by_kernel = kernel_bus_ != nullptr && sender == kOutsideSender;
+  if (passes({last_frame_at_, carried.frame}, sender) || is_carried_by_kernel) distribute(sender, carried);
+}
+
+void WallClockRelay::distribute(std::size_t sender, const runtime::CarriedFrame& carried) {
   show({last_frame_at_, carried.frame}, sender);
-  if (kernel_bus_ != nullptr && sender == kOutsideSender) return;  // The kernel has carried it already.
+  if (kernel_bus_ != nullptr && sender == kOutsideSender) return;
   if (gateway_ && sender != kOutsideSender) gateway_->send(carried.frame);
   runtime::write_frame(writer_, carried);
   for (std::size_t number = 0; number < parties_.size(); ++number) {
@@ -272,6 +334,7 @@ void WallClockRelay::give(const can::StampedFrame& frame, std::uint64_t heard_by
 }
 
 void WallClockRelay::on_crossed(const can::StampedFrame& frame, std::size_t sender, std::uint64_t heard_by) {
+  if (!passes(frame, sender)) return;
   show(frame, sender);
   give(frame, heard_by);
 }
@@ -294,6 +357,8 @@ void WallClockRelay::tell_nodes(std::size_t number) {
 /// When to look again: at the next thing that a line or the bus has to do, but not for every single bit.
 Nanos WallClockRelay::find_next_event(Nanos until) const {
   constexpr Nanos kFewBits = 50us;
+  const Instant by_intervention = intervention_ != nullptr ? intervention_->next_deadline() : Instant::never();
+  if (by_intervention < Instant::never()) until = std::min(until, clock_.to_monotonic(by_intervention));
   const Instant on_line = lines_.next_delivery();
   if (on_line < Instant::never()) until = std::min(until, clock_.to_monotonic(on_line));
   const Instant on_bus = medium_ ? medium_->next_event() : Instant::never();
@@ -313,6 +378,7 @@ void WallClockRelay::write_rows_until(Instant at) {
       }
     }
     observer_->on_row(next_row_, values_);
+    if (intervention_ != nullptr) intervention_->on_row(next_row_, values_);
   }
 }
 

@@ -19,12 +19,13 @@ namespace meltbench::bus {
 /// Runs participants at wall-clock pace: hands the frames of each to all others, or listens on the kernel bus that they
 /// use, and writes down what they report. A participant that is slow to take its frames loses them, and is counted; it
 /// never holds up the others. Programs that the bench did not start may join the embedded bus at any time.
-class WallClockRelay final : private MediumListener {
+class WallClockRelay final : private RunControl, private MediumListener {
  public:
   /// @param joined  in the order of their numbers.  @param broker  where others join.
   /// @param kernel_bus  the bus to listen on; null: carry the frames.
   /// @param media  serial lines are carried at the pace of their baud rate, as in virtual time. Frames from outside
-  /// wait until every participant has room for them, so that they push nothing out.
+  /// wait until every participant has room for them, so that they push nothing out. An intervention acts when the relay
+  /// next looks, at most a few milliseconds late, and its instants are those at which it did.
   /// @throws std::invalid_argument naming a line of a participant that is not in media.lines.
   WallClockRelay(std::span<Joined> joined, Broker& broker, link::CanLink* kernel_bus, Nanos record_period,
                  const RunMedia& media = {});
@@ -33,13 +34,13 @@ class WallClockRelay final : private MediumListener {
   [[nodiscard]] RunOutcome run(Nanos duration, double speed, RunObserver& observer);
 
   /// The bit-timed bus, for its counters; null on the ideal bus and on a kernel's.
-  [[nodiscard]] BitTimedMedium* medium() { return medium_.get(); }
+  [[nodiscard]] BitTimedMedium* medium() override { return medium_.get(); }
 
   /// How late the wake-ups of each participant were, by name; complete once the programs have ended.
   [[nodiscard]] std::vector<std::pair<std::string, LogHistogram>> collect_lateness();
 
   /// Signals of all participants, with those of their real-time drivers, in the order of on_row's values.
-  [[nodiscard]] const std::vector<SignalInfo>& signals() const { return signals_; }
+  [[nodiscard]] static std::vector<SignalInfo> signals_of(std::span<const Joined> joined);
 
  private:
   struct Report {
@@ -55,9 +56,11 @@ class WallClockRelay final : private MediumListener {
     Joined* joined = nullptr;
     std::size_t first_signal = 0;
     std::size_t signal_count = 0;
-    std::deque<Report> reports;  ///< Newer than the last row.
-    LogHistogram lateness;       ///< As last reported.
-    Nanos heard_of{};            ///< CLOCK_MONOTONIC.
+    std::deque<Report> reports;      ///< Newer than the last row.
+    LogHistogram lateness;           ///< As last reported.
+    std::deque<std::string> orders;  ///< Not yet told,
+    bool lines_changed = false;      ///< nor is this.
+    Nanos heard_of{};                ///< CLOCK_MONOTONIC.
     bool gone = false;
     bool is_outsider = false;  ///< Not started by the bench: joined later, and may leave.
   };
@@ -74,6 +77,14 @@ class WallClockRelay final : private MediumListener {
   void exchange_with_outside();
   [[nodiscard]] bool all_have_room() const;
   void carry(std::size_t sender, const runtime::CarriedFrame& carried);
+  void distribute(std::size_t sender, const runtime::CarriedFrame& carried);
+  void intervene();
+  [[nodiscard]] bool passes(const can::StampedFrame& frame, std::size_t sender);
+  void deliver(const can::CanFrame& frame, std::size_t sender) override;
+  void post_order(std::size_t participant, std::string order) override;
+  void plug_line(std::size_t participant, std::uint8_t own_line, bool in) override;
+  [[nodiscard]] SerialLine* find_line(std::string_view name) override { return lines_.find(name); }
+  void tell(std::size_t number);
   void send_queued();
   void show(const can::StampedFrame& frame, std::size_t sender);
   void give(const can::StampedFrame& frame, std::uint64_t heard_by);
@@ -90,6 +101,8 @@ class WallClockRelay final : private MediumListener {
   Broker& broker_;
   link::CanLink* kernel_bus_;
   Outside* outside_;
+  Intervention* intervention_;
+  Instant intervened_at_{};  ///< The instant that it was told last.
   SerialLines lines_;
   std::optional<Gateway> gateway_;
   std::vector<link::ReceivedFrame> from_adapter_;
@@ -104,7 +117,6 @@ class WallClockRelay final : private MediumListener {
   RunObserver* observer_ = nullptr;  ///< Of the run that goes on.
   link::Welcome welcome_;
   runtime::RealTimeClock clock_{Nanos{}, 1.0};
-  std::vector<SignalInfo> signals_;
   std::vector<double> values_;
   std::vector<Event> events_;
   link::MessageWriter writer_;

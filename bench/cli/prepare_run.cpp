@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "bench/cli/fault_limits.hpp"
 #include "bench/cli/run_info.hpp"
 #include "controller/machine/controller.hpp"
 #include "plant_emulator/emulator.hpp"
@@ -92,10 +93,7 @@ PreparedRun prepare(scenario::ResolvedRun run, std::filesystem::path folder, con
   prepared.info = make_info(prepared, request);
   require_readers(prepared);
   prepared.faults = fault::read_faults(root, fault::make_scope(root, rig));
-  if (!prepared.faults.empty() && !pace.is_virtual()) {
-    throw config::ConfigError{prepared.faults.front().table.origin, "faults need virtual time",
-                              "drop --pace and --can"};
-  }
+  for (const fault::Fault& fault : prepared.faults) require_possible(fault, find_limits(prepared, request));
   prepared.checks = check::read_checks(prepared.run.root);
   const std::vector<std::string> asked_for = prepared.checks.signal_names();
   const auto is_of_wire = [](const std::string& name) { return name.starts_with("wire."); };

@@ -162,6 +162,15 @@ record::Recording run_in_lockstep(PreparedRun& prepared, const RunRequest& reque
   return recorder->finish(to_ending(end_programs(std::move(outcome), joined, programs)));
 }
 
+/// The programs of a run at wall-clock pace, as its faults know them.
+std::vector<Member> members_of(std::span<const bus::Joined> joined) {
+  std::vector<Member> members;
+  for (const bus::Joined& program : joined) {
+    members.push_back({program.hello.name, bus::WallClockRelay::signals_of({&program, 1}), program.hello.lines});
+  }
+  return members;
+}
+
 record::Recording run_at_wall_clock(PreparedRun& prepared, const RunRequest& request) {
   std::unique_ptr<link::CanLink> kernel_bus;
   std::unique_ptr<link::CanLink> adapter;
@@ -178,7 +187,11 @@ record::Recording run_at_wall_clock(PreparedRun& prepared, const RunRequest& req
   Programs programs{prepared, request, broker.bus_name(), std::nullopt};
   if (!kernel_bus) print_invitation(prepared, broker);
   std::vector<bus::Joined> joined = programs.wait_until_joined(broker, prepared.info.participants);
+  std::optional<record::RunRecorder> recorder;
+  open_recorder(recorder, prepared, bus::WallClockRelay::signals_of(joined));
   Progress progress{prepared.run.label(), prepared.run.duration, request.quiet};
+  Observer observer{*recorder, wire_of(prepared), progress};
+  const auto faults = make_injector(prepared.faults, prepared.run.seed, members_of(joined), observer);
   bus::WallClockRelay relay{joined,
                             broker,
                             kernel_bus.get(),
@@ -186,10 +199,8 @@ record::Recording run_at_wall_clock(PreparedRun& prepared, const RunRequest& req
                             {.lines = prepared.run.rig.lines,
                              .outside = tap.outside(),
                              .adapter = adapter.get(),
+                             .intervention = faults.get(),
                              .bit_timed = bit_timing_of(prepared.run.rig.bus)}};
-  std::optional<record::RunRecorder> recorder;
-  open_recorder(recorder, prepared, relay.signals());
-  Observer observer{*recorder, wire_of(prepared), progress};
   const auto started = Clock::now();
   const bus::RunOutcome outcome = relay.run(prepared.run.duration, prepared.pace.speed, observer);
   const double elapsed_s = std::chrono::duration<double>(Clock::now() - started).count();

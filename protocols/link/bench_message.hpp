@@ -10,6 +10,7 @@
 ///   wall clock:         Frames and Serial {line, bytes} both ways at any time; program -> broker Report {at, signals,
 ///   events}; until Stop;
 ///                       program -> broker Timing {buckets} every second and last of all
+///                       broker -> program Nodes and Lines {states} when one has changed, Order {text}
 
 #include <cstdint>
 #include <cstring>
@@ -23,10 +24,23 @@
 
 namespace meltbench::link {
 
-inline constexpr std::uint32_t kBenchProtocolVersion = 1;
+inline constexpr std::uint32_t kBenchProtocolVersion = 2;
 inline constexpr std::size_t kMaxMessageSize = 128 * 1024;
 
-enum class MessageType : std::uint8_t { kHello = 1, kWelcome, kWake, kDone, kFrames, kReport, kStop, kTiming, kSerial, kNodes };
+enum class MessageType : std::uint8_t {
+  kHello = 1,
+  kWelcome,
+  kWake,
+  kDone,
+  kFrames,
+  kReport,
+  kStop,
+  kTiming,
+  kSerial,
+  kNodes,
+  kLines,
+  kOrder,
+};
 
 /// How time passes in a run.
 enum class Pace : std::uint8_t { kLockstep, kWallClock };

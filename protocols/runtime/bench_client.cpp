@@ -54,6 +54,8 @@ std::optional<link::ReceivedFrame> BenchClient::receive() noexcept {
     if (message_type(message) == link::MessageType::kStop) stopped_ = true;
     if (const auto carried = read_frame(message)) return link::ReceivedFrame{carried->at_monotonic, carried->frame};
     if (message_type(message) == link::MessageType::kNodes) nodes_told_ = read_node_states(message, node_states_);
+    if (message_type(message) == link::MessageType::kLines) lines_told_ = read_line_states(message, line_states_);
+    if (auto order = read_order(message)) orders_.push_back(std::move(*order));
     if (const auto piece = read_serial_piece(message); piece && piece->line < lines_.size()) {
       lines_[piece->line]->add(*piece);
     }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -53,6 +54,14 @@ class BenchClient final : public link::CanLink {
   /// Whether they have been told since the last call.
   [[nodiscard]] bool take_node_change() { return std::exchange(nodes_told_, false); }
 
+  /// States of the participant's serial lines that the bench has told, in their order; empty: no plug was ever pulled.
+  [[nodiscard]] std::span<const LinkState> line_states() const { return line_states_; }
+  /// Whether they have been told since the last call.
+  [[nodiscard]] bool take_line_change() { return std::exchange(lines_told_, false); }
+  /// What the bench asks of the participant, oldest first, since clear_orders().
+  [[nodiscard]] std::span<const std::string> orders() const { return orders_; }
+  void clear_orders() { orders_.clear(); }
+
   /// A serial line by its number in the participant's lines(). Its bytes arrive with receive() or poll_stop().
   [[nodiscard]] BenchLine& line(std::size_t number) { return *lines_[number]; }
   /// @returns whether the bench took them.
@@ -75,6 +84,9 @@ class BenchClient final : public link::CanLink {
   std::vector<std::unique_ptr<BenchLine>> lines_;
   std::vector<can::ErrorState> node_states_;
   bool nodes_told_ = false;
+  std::vector<LinkState> line_states_;
+  bool lines_told_ = false;
+  std::vector<std::string> orders_;
   bool stopped_ = false;
   bool lost_ = false;
 };

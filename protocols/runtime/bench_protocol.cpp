@@ -339,4 +339,29 @@ bool read_node_states(std::span<const std::uint8_t> message, std::vector<can::Er
   return reader->complete();
 }
 
+void write_line_states(MessageWriter& writer, std::span<const LinkState> states) {
+  writer.begin(MessageType::kLines);
+  write_states(writer, states);
+}
+
+bool read_line_states(std::span<const std::uint8_t> message, std::vector<LinkState>& states) {
+  auto reader = open(message, MessageType::kLines);
+  if (!reader) return false;
+  read_states(*reader, states);
+  return reader->complete();
+}
+
+void write_order(MessageWriter& writer, std::string_view text) {
+  writer.begin(MessageType::kOrder);
+  writer.put_text(text);
+}
+
+std::optional<std::string> read_order(std::span<const std::uint8_t> message) {
+  auto reader = open(message, MessageType::kOrder);
+  if (!reader) return std::nullopt;
+  std::string text{reader->take_text()};
+  if (!reader->complete()) return std::nullopt;
+  return text;
+}
+
 }  // namespace meltbench::runtime

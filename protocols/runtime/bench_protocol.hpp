@@ -4,6 +4,7 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "protocols/link/bench_message.hpp"
@@ -73,6 +74,17 @@ void write_frame(link::MessageWriter& writer, const CarriedFrame& carried);
 void write_node_states(link::MessageWriter& writer, std::span<const can::ErrorState> states);
 /// @returns false if it is no such message.
 [[nodiscard]] bool read_node_states(std::span<const std::uint8_t> message, std::vector<can::ErrorState>& states);
+
+/// Wall clock, to a program: the plugs of its serial lines, in the order of its lines(), have been pulled out or put
+/// in.
+void write_line_states(link::MessageWriter& writer, std::span<const LinkState> states);
+/// @returns false if it is no such message.
+[[nodiscard]] bool read_line_states(std::span<const std::uint8_t> message, std::vector<LinkState>& states);
+
+/// Wall clock, to a program: what the bench asks of it, as Wakeup::orders.
+void write_order(link::MessageWriter& writer, std::string_view text);
+/// @returns nothing if it is no such message.
+[[nodiscard]] std::optional<std::string> read_order(std::span<const std::uint8_t> message);
 
 /// Wall clock: bytes on a serial line that the embedded bus carries. To the bench: `at` is when they were written; to a
 /// program: when the last of them was there. Both on CLOCK_MONOTONIC.

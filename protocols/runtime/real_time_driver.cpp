@@ -144,8 +144,16 @@ void RealTimeDriver::collect_arrivals() {
     arrived_.push_back({std::min(clock_.to_instant(received->at_monotonic), now_), received->frame});
   }
   if (bench_ != nullptr && static_cast<const link::CanLink*>(bench_) != &can_) bench_->poll_stop();
+  if (bench_ != nullptr) note_bench();
   if (serial_.collect(clock_, now_, events_)) out_.wake_at(now_);
-  if (bench_ != nullptr && bench_->take_node_change()) out_.wake_at(now_);
+}
+
+/// What the bench has told beside frames: whoever is concerned is woken for it at once.
+void RealTimeDriver::note_bench() {
+  if (bench_->take_node_change() || !bench_->orders().empty()) out_.wake_at(now_);
+  if (!bench_->take_line_change()) return;
+  serial_.plug(bench_->line_states());
+  out_.wake_at(now_);
 }
 
 void RealTimeDriver::wake() {
@@ -155,8 +163,10 @@ void RealTimeDriver::wake() {
                      .link = link_up_ ? LinkState::kUp : LinkState::kDown,
                      .serial = serial_.inbox().arrivals(),
                      .lines = serial_.states(),
-                     .nodes = bench_ != nullptr ? bench_->node_states() : std::span<const can::ErrorState>{}},
+                     .nodes = bench_ != nullptr ? bench_->node_states() : std::span<const can::ErrorState>{},
+                     .orders = bench_ != nullptr ? bench_->orders() : std::span<const std::string>{}},
                     out_);
+  if (bench_ != nullptr) bench_->clear_orders();
   arrived_.clear();
   serial_.inbox().clear();
   serial_.write(out_);

@@ -14,8 +14,8 @@
 namespace meltbench::runtime {
 
 /// Signals that the real-time driver reports behind those of its participant: "<name>.deadline_misses" and so on.
-/// A deadline is missed when the wake-up comes more than one record period late; queue_full counts the sends that a full
-/// transmit queue refused, and that were tried again.
+/// A deadline is missed when the wake-up comes more than one record period late; queue_full counts the sends that a
+/// full transmit queue refused, and that were tried again.
 [[nodiscard]] std::vector<SignalInfo> real_time_signals(std::string_view participant_name);
 
 /// Frames that wait for room in the transmit queue, oldest first. Holds a fixed number, and never allocates.
@@ -53,8 +53,8 @@ class FrameQueue {
 /// Real-time driver: CLOCK_MONOTONIC, absolute deadlines, one thread.
 ///
 /// Deadlines are instants, and each sleep is counted from now to the next of them, so lateness never adds up. It sleeps
-/// in one poll on link, lines and bench, without timer slack, and counts how late each wake-up at a deadline was. In the
-/// steady state the loop allocates nothing but for events.
+/// in one poll on link, lines and bench, without timer slack, and counts how late each wake-up at a deadline was. In
+/// the steady state the loop allocates nothing but for events.
 ///
 /// The participant is woken at its deadline, or when a frame or bytes arrive. A frame that the full transmit queue
 /// refuses waits here, in order, and is tried again every 200 us of wall-clock time; a link that is down is looked for
@@ -76,6 +76,7 @@ class RealTimeDriver {
   void wait_for_work();
   void note_lateness(Instant deadline);
   void collect_arrivals();
+  void note_bench();
   [[nodiscard]] bool has_arrivals() { return !arrived_.empty() || !serial_.inbox().empty(); }
   void wake();
   void queue_frames();

@@ -22,6 +22,7 @@ bool SerialPorts::collect(const RealTimeClock& clock, Instant now, std::vector<E
   bool changed = false;
   for (std::size_t number = 0; number < lines_.size(); ++number) {
     Line& line = lines_[number];
+    if (line.unplugged) continue;
     if (states_[number] == LinkState::kDown) {
       if (read_monotonic() < line.next_look) continue;
       line.next_look = read_monotonic() + kLookPeriod;
@@ -40,6 +41,15 @@ bool SerialPorts::collect(const RealTimeClock& clock, Instant now, std::vector<E
     note_losses(line, now, events);
   }
   return changed;
+}
+
+void SerialPorts::plug(std::span<const LinkState> states) {
+  for (std::size_t number = 0; number < lines_.size(); ++number) {
+    const bool in = number >= states.size() || states[number] == LinkState::kUp;
+    if (lines_[number].unplugged == !in) continue;
+    lines_[number].unplugged = !in;
+    states_[number] = in ? LinkState::kUp : LinkState::kDown;
+  }
 }
 
 void SerialPorts::note_down(std::size_t number, Instant now, std::vector<Event>& events) {
@@ -89,7 +99,8 @@ std::size_t SerialPorts::watch(std::span<pollfd> watched) const {
 Nanos SerialPorts::next_look() const {
   Nanos next = Nanos::max();
   for (std::size_t number = 0; number < lines_.size(); ++number) {
-    if (states_[number] == LinkState::kDown) next = std::min(next, lines_[number].next_look);
+    if (states_[number] == LinkState::kDown && !lines_[number].unplugged)
+      next = std::min(next, lines_[number].next_look);
   }
   return next;
 }

@@ -27,6 +27,9 @@ class SerialPorts {
   /// Takes what has arrived and notes which lines have gone or come back; those leave an event each.
   /// @returns true if the state of a line has changed: the participant is to be told at once.
   [[nodiscard]] bool collect(const RealTimeClock& clock, Instant now, std::vector<Event>& events);
+  /// The bench has pulled the plugs of those lines that are down, and put in the others. That leaves no event: it is
+  /// the fault itself that is told. @param states  in the order of lines(); further lines are plugged in.
+  void plug(std::span<const LinkState> states);
   /// What was collected and is yet to be told, until forget().
   [[nodiscard]] SerialInbox& inbox() { return inbox_; }
 
@@ -43,6 +46,7 @@ class SerialPorts {
   struct Line {
     std::string name;
     link::SerialLink* link = nullptr;
+    bool unplugged = false;
     Nanos next_look{};  ///< While it is down.
     Instant down_since{};
     std::uint64_t downs = 0;

@@ -2,8 +2,12 @@
 
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <catch2/catch.hpp>
+#include <optional>
 #include <thread>
+#include <utility>
 
 #include "protocols/runtime/real_time_driver.hpp"
 #include "tests/bench/bus/toy_participants.hpp"
@@ -64,6 +68,68 @@ class Listener final : public RunObserver {
   std::vector<Heard> heard;
 };
 
+/// Says by events what it is told: orders, frames with their first byte, and plugs of its line.
+class Teller final : public Participant {
+ public:
+  [[nodiscard]] std::string_view name() const override { return "teller"; }
+  [[nodiscard]] std::span<const std::string> lines() const override { return lines_; }
+  [[nodiscard]] std::span<const SignalInfo> signals() const override { return {}; }
+  void read_signals(std::span<double>) const override {}
+  void wake(const Wakeup& in, Outbox& out) override {
+    for (const can::StampedFrame& stamped : in.frames) {
+      out.report(Severity::kInfo, in.now, "frame", std::to_string(stamped.frame.bytes[0]));
+    }
+    for (const std::string& order : in.orders) out.report(Severity::kInfo, in.now, "order", order);
+    const LinkState line = in.lines.empty() ? LinkState::kUp : in.lines[0];
+    if (line != line_) out.report(Severity::kInfo, in.now, line == LinkState::kUp ? "plugged" : "unplugged", "");
+    line_ = line;
+  }
+
+ private:
+  std::array<std::string, 1> lines_{"hopper"};
+  LinkState line_ = LinkState::kUp;
+};
+
+/// Drops frame 2, holds frame 3 until 5 has passed and a deadline has come, then orders, unplugs and plugs in: each as
+/// soon as the one before has been told. Ends the run when all has.
+class Meddler final : public RunObserver, public Intervention {
+ public:
+  explicit Meddler(Joined& teller) : teller_{teller} {}
+
+  void on_frame(const can::StampedFrame&, std::size_t) override {}
+  void on_row(Instant, std::span<const double>) override {}
+  void on_event(std::size_t, const Event& event) override {
+    told.push_back(event.code + " " + event.text);
+    if (event.code == "plugged") stop(teller_);
+  }
+
+  [[nodiscard]] Instant next_deadline() const override { return deadline_; }
+  void on_time(Instant now, RunControl& run) override {
+    CHECK(now >= deadline_);
+    deadline_ = Instant::never();
+    run.deliver(can::make_frame(0x123, {3}), 0);
+  }
+  [[nodiscard]] bool on_frame(const can::StampedFrame& stamped, std::size_t sender, RunControl& run) override {
+    CHECK(sender == 0);
+    const int number = stamped.frame.bytes[0];
+    if (number == 5) deadline_ = stamped.at + 1ms;
+    if (number > 5 && has_told("frame 3") && !std::exchange(ordered_, true)) run.post_order(1, "x = 1");
+    if (has_told("order x = 1") && !std::exchange(unplugged_, true)) run.plug_line(1, 0, false);
+    if (has_told("unplugged ")) run.plug_line(1, 0, true);
+    return number != 2 && number != 3;
+  }
+  [[nodiscard]] bool has_told(const std::string& text) const {
+    return std::find(told.begin(), told.end(), text) != told.end();
+  }
+  std::vector<std::string> told;
+
+ private:
+  Joined& teller_;
+  Instant deadline_ = Instant::never();
+  bool ordered_ = false;
+  bool unplugged_ = false;
+};
+
 }  // namespace
 
 TEST_CASE("Wall clock: the bench carries serial lines between programs, no faster than their baud rate", "[bus]") {
@@ -102,4 +168,32 @@ TEST_CASE("Wall clock: a program on a line that the rig does not have is refused
   joined.push_back({hello, link::BenchSocket{std::move(ends[0])}});
   Broker broker{"relay-test-" + std::to_string(::getpid())};
   CHECK_THROWS_WITH(WallClockRelay(joined, broker, nullptr, 10ms), Catch::Contains("elsewhere"));
+}
+
+TEST_CASE("Wall clock: an intervention holds up frames, gives orders and pulls plugs, as in virtual time", "[bus]") {
+  const std::vector<config::RigLine> lines{{"hopper", {10'000, serial::Parity::kNone, 1}}};
+  std::optional<Meddler> meddler;
+  {
+    Program metronome{std::make_unique<test::Metronome>("metronome", 0x123, 5ms)};
+    Program teller{std::make_unique<Teller>()};
+    std::vector<Joined> joined;
+    joined.push_back(metronome.join());
+    joined.push_back(teller.join());
+    meddler.emplace(joined[1]);
+    Broker broker{"relay-test-" + std::to_string(::getpid())};
+    WallClockRelay relay{joined, broker, nullptr, 10ms, RunMedia{.lines = lines, .intervention = &*meddler}};
+    const RunOutcome outcome = relay.run(60s, 1.0, *meddler);
+    CHECK(outcome.kind == RunOutcome::Kind::kParticipantLost);  // The meddler has stopped it.
+    stop(joined[0]);
+  }
+  const std::vector<std::string>& told = meddler->told;
+  REQUIRE(told.size() > 4);
+  CHECK(std::vector<std::string>{told.begin(), told.begin() + 2} == std::vector<std::string>{"frame 1", "frame 4"});
+  CHECK_FALSE(meddler->has_told("frame 2"));
+  const auto place = [&](const std::string& text) { return std::find(told.begin(), told.end(), text) - told.begin(); };
+  CHECK(place("frame 5") < place("frame 3"));
+  CHECK(place("frame 3") < place("order x = 1"));
+  CHECK(place("order x = 1") < place("unplugged "));
+  CHECK(place("unplugged ") < place("plugged "));
+  CHECK(meddler->has_told("plugged "));
 }

@@ -84,6 +84,19 @@ TEST_CASE("Bench protocol: bytes of a serial line come back as they were written
   CHECK_FALSE(read_serial_piece(writer.bytes().first(writer.bytes().size() - 1)).has_value());
 }
 
+TEST_CASE("Bench protocol: an order and the plugs of serial lines come back as they were written", "[runtime]") {
+  link::MessageWriter writer;
+  write_order(writer, "fault = 1");
+  CHECK(read_order(writer.bytes()) == "fault = 1");
+  CHECK_FALSE(read_order(writer.bytes().first(writer.bytes().size() - 1)).has_value());
+  const std::vector<LinkState> written{LinkState::kUp, LinkState::kDown};
+  std::vector<LinkState> read;
+  CHECK_FALSE(read_line_states(writer.bytes(), read));
+  write_line_states(writer, written);
+  CHECK(read_line_states(writer.bytes(), read));
+  CHECK(read == written);
+}
+
 TEST_CASE("Bench protocol: random bytes are refused and harm nobody", "[runtime]") {
   std::mt19937 draw{7};
   std::vector<std::uint8_t> bytes;
@@ -94,7 +107,7 @@ TEST_CASE("Bench protocol: random bytes are refused and harm nobody", "[runtime]
   for (int i = 0; i < 20000; ++i) {
     bytes.resize(draw() % 64);
     for (auto& byte : bytes) byte = static_cast<std::uint8_t>(draw() % 256);
-    if (!bytes.empty()) bytes[0] = static_cast<std::uint8_t>(1 + draw() % 7);
+    if (!bytes.empty()) bytes[0] = static_cast<std::uint8_t>(1 + draw() % 12);
     accepted += read_hello(bytes).has_value() ? 1 : 0;
     accepted += read_wake(bytes, storage).has_value() && !storage.frames.empty() ? 1 : 0;
     accepted += read_done(bytes, out, signals) && !out.frames().empty() ? 1 : 0;
