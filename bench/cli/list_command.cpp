@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <stdexcept>
 #include <vector>
 
 #include "bench/cli/prepare_run.hpp"
@@ -23,6 +24,7 @@ ExitStatus list_scenarios(const std::filesystem::path& folder) {
   for (const auto& entry : std::filesystem::recursive_directory_iterator{folder}) {
     if (entry.path().extension() == ".toml") files.push_back(entry.path());
   }
+  if (files.empty()) throw std::invalid_argument{folder.string() + " holds no scenario"};
   std::ranges::sort(files);
   for (const std::filesystem::path& file : files) {
     const std::vector<scenario::ResolvedRun> runs = scenario::load(file);

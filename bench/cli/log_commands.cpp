@@ -22,7 +22,8 @@ ExitStatus convert_log(const std::filesystem::path& from, const std::filesystem:
     throw log::LogError{fmt::format("{}: would be read and written at once", to.string()), "give another name"};
   }
   const auto reader = log::open_log(from);
-  const auto writer = log::create_log(log::create_file(to), log::format_by_name(to));
+  const log::LogFormat format = log::format_by_name(to);
+  const auto writer = log::create_log(log::create_file(to), format);
   log::LogEntry entry;
   while (reader->next(entry)) writer->write(entry, reader->channels()[entry.channel]);
   writer->finish();

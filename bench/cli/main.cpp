@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <limits>
+#include <string_view>
 #include <system_error>
 
 #include "bench/cli/doctor_command.hpp"
@@ -121,19 +122,32 @@ void add_replay_command(CLI::App& app, cli::ReplayRequest& request) {
       app.add_subcommand("replay", "Play a recorded log: onto a bus, to the controller, or to the boards");
   replay->add_option("log", request.log, "A log (candump, ASC, BLF, gzip), or a run's folder")->required();
   replay->add_option("--channel", request.channel, "Channel of the log  (default: that of the first frame)");
-  replay->add_option("--can", request.can, "Send all frames at their recorded times on can0, vcan0 ..., or slcan:PORT@BIT_RATE");
-  replay->add_option("--speed", request.speed, "With --can: so many times as fast")->default_str("1");
-  replay->add_option("--loop", request.loops, "With --can: so many times; 0 = until Ctrl-C")->default_str("1");
-  replay->add_option("--only", request.only, "With --can: ID or ID/MASK in hexadecimal; may be given several times");
-  replay->add_option("--rename", request.renames, "With --can: OLD=NEW identifier in hexadecimal");
-  replay->add_option("--to", request.to,
-                     "controller | boards: play the other side to ours in virtual time, and compare its answers");
-  replay->add_option("--scenario", request.scenario,
-                     "With --to: rig and settings  (default: repro.toml beside the log)");
-  replay->add_option("--time-tolerance", request.time_tolerance_ms, "With --to: of an answer, in ms")->default_str("1");
-  replay->add_option("--tolerance", request.value_tolerances,
-                     "With --to: BOARD.INDEX:SUB=VALUE, by how much an object in a PDO may differ; several");
-  replay->add_option("--update-reference", request.update_reference, "With --to: write what was said now to this log");
+  CLI::Option* can = replay->add_option(
+      "--can", request.can, "Send all frames at their recorded times on can0, vcan0 ..., or slcan:PORT@BIT_RATE");
+  replay->add_option("--speed", request.speed, "With --can: so many times as fast")->default_str("1")->needs(can);
+  replay->add_option("--loop", request.loops, "With --can: so many times; 0 = until Ctrl-C")
+      ->default_str("1")
+      ->needs(can);
+  replay->add_option("--only", request.only, "With --can: ID or ID/MASK in hexadecimal; may be given several times")
+      ->needs(can);
+  replay->add_option("--rename", request.renames, "With --can: OLD=NEW identifier in hexadecimal")->needs(can);
+  CLI::Option* to =
+      replay
+          ->add_option("--to", request.to,
+                       "controller | boards: play the other side to ours in virtual time, and compare its answers")
+          ->excludes(can);
+  replay
+      ->add_option("--scenario", request.scenario, "With --to: rig and settings  (default: repro.toml beside the log)")
+      ->needs(to);
+  replay->add_option("--time-tolerance", request.time_tolerance_ms, "With --to: of an answer, in ms")
+      ->default_str("1")
+      ->needs(to);
+  replay
+      ->add_option("--tolerance", request.value_tolerances,
+                   "With --to: BOARD.INDEX:SUB=VALUE, by how much an object in a PDO may differ; several")
+      ->needs(to);
+  replay->add_option("--update-reference", request.update_reference, "With --to: write what was said now to this log")
+      ->needs(to);
   replay->footer(
       "Exit status: 0 sent, or no answer differs, 1 an answer differs, 2 bad usage or file\n"
       "Example: meltbench replay meltbench-out --to controller");
@@ -234,12 +248,30 @@ void settle(Words& words, const CLI::App& run) {
   if (words.run.out.empty()) words.run.out = "meltbench-out";
 }
 
-/// The parser says that a command is missing where there is an unknown one.
-std::string explain(const CLI::ParseError& error, const CLI::App& app, int argc, char** argv) {
+/// The command that the first word is; nullptr: it is none.
+const CLI::App* find_command(const CLI::App& app, std::string_view word) {
   const auto commands = app.get_subcommands([](const CLI::App*) { return true; });
-  const auto is_command = [&](const CLI::App* command) { return command->get_name() == argv[1]; };
-  if (argc < 2 || argv[1][0] == '-' || std::ranges::any_of(commands, is_command)) return error.what();
-  return fmt::format("there is no command \"{}\"", argv[1]);
+  const auto found = std::ranges::find(commands, word, &CLI::App::get_name);
+  return found == commands.end() ? nullptr : *found;
+}
+
+/// The parser says that a command is missing where there is an unknown one.
+std::string explain(const CLI::ParseError& error, const CLI::App& app, std::string_view word) {
+  if (word.empty() || word.starts_with('-') || find_command(app, word) != nullptr) return error.what();
+  return fmt::format("there is no command \"{}\"", word);
+}
+
+std::string name_help(const CLI::App& app, std::string_view word) {
+  if (find_command(app, word) == nullptr) return "see \"meltbench --help\"";
+  return fmt::format("see \"meltbench {} --help\"", word);
+}
+
+/// What to do about a file or a process that the system has refused.
+std::string hint_for(const std::error_code& code) {
+  if (code == std::errc::file_exists) return "it is left as it is: choose another name";
+  if (code == std::errc::no_space_on_device)
+    return "what was written up to then is there; make room, or choose another disk";
+  return "is the path right, and may you read and write there?";
 }
 
 ExitStatus dispatch(CLI::App& app, Words& words) {
@@ -272,6 +304,7 @@ int main(int argc, char** argv) {
   CLI::App app{"meltbench - run hardware-in-the-loop scenarios against an extruder controller"};
   app.set_version_flag("--version", std::string{cli::kProgramVersion});
   app.require_subcommand(1);
+  const std::string_view word = argc < 2 ? "" : argv[1];
   Words words;
   add_run_command(app, words);
   CLI::App* list = app.add_subcommand("list", "List scenarios, or the signals of one");
@@ -286,7 +319,10 @@ int main(int argc, char** argv) {
   CLI::App* convert = app.add_subcommand("convert", "Write a log of a CAN bus in another format");
   convert->add_option("log", words.from, "candump text, Vector ASC or BLF, plain or gzip; - for standard input")
       ->required();
-  convert->add_option("to", words.to, "NAME.log (candump text), NAME.asc, NAME.blf; .gz packs the text forms")
+  convert
+      ->add_option(
+          "to", words.to,
+          "NAME.log (candump text), NAME.asc, NAME.blf; .gz packs the texts; - for candump text to standard output")
       ->required();
   add_replay_command(app, words.replay);
   CLI::App* doctor = app.add_subcommand("doctor", "Say what this machine offers, and how to get what is missing");
@@ -301,8 +337,7 @@ int main(int argc, char** argv) {
     return static_cast<int>(dispatch(app, words));
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
-    return tell(explain(error, app, argc, argv), "see \"meltbench --help\" and \"meltbench run --help\"",
-                ExitStatus::kUsage);
+    return tell(explain(error, app, word), name_help(app, word), ExitStatus::kUsage);
   } catch (const config::ConfigError& error) {
     return tell(error.what(), error.hint(), ExitStatus::kUsage);
   } catch (const link::LinkError& error) {
@@ -314,12 +349,12 @@ int main(int argc, char** argv) {
   } catch (const report::ReportError& error) {
     return tell(error.what(), error.hint(), ExitStatus::kUsage);
   } catch (const std::invalid_argument& error) {
-    return tell(error.what(), "see \"meltbench run --help\"", ExitStatus::kUsage);
+    return tell(error.what(), name_help(app, word), ExitStatus::kUsage);
   } catch (const std::filesystem::filesystem_error& error) {
-    return tell(fmt::format("{}: {}", error.path1().string(), error.code().message()),
-                "is the path right, and may you read and write there?", ExitStatus::kUsage);
+    return tell(fmt::format("{}: {}", error.path1().string(), error.code().message()), hint_for(error.code()),
+                ExitStatus::kUsage);
   } catch (const std::system_error& error) {
-    return tell(error.what(), "", ExitStatus::kUsage);
+    return tell(error.what(), hint_for(error.code()), ExitStatus::kUsage);
   } catch (const std::exception& error) {
     return tell(error.what(), "", ExitStatus::kLost);
   }

@@ -4,6 +4,8 @@
 
 #include <stdexcept>
 
+#include "bench/log/log_error.hpp"
+
 namespace meltbench::cli {
 namespace {
 
@@ -13,7 +15,12 @@ constexpr Nanos kDate = 365 * 86'400s;
 }  // namespace
 
 std::filesystem::path find_log(const std::filesystem::path& path) {
-  return std::filesystem::is_directory(path) ? path / "bus.log" : path;
+  const std::filesystem::path log = std::filesystem::is_directory(path) ? path / "bus.log" : path;
+  if (log != "-" && !std::filesystem::exists(log)) {
+    throw log::LogError{fmt::format("{}: No such file or directory", log.string()),
+                        "name a log (candump, ASC, BLF, gzip), or the folder of a run, which has a bus.log"};
+  }
+  return log;
 }
 
 scenario::ResolvedRun load_run_of(const std::filesystem::path& scenario, const std::filesystem::path& log) {
@@ -32,14 +39,13 @@ ChannelLog::ChannelLog(const std::filesystem::path& log, std::string channel)
 
 bool ChannelLog::next(log::LogEntry& entry) {
   while (reader_->next(entry)) {
-    const std::string& name = reader_->channels()[entry.channel];
-    if (channel_.empty()) channel_ = name;
-    if (name != channel_) continue;
+    if (!channel_.takes(*reader_, entry)) continue;
     if (!begun_ && entry.at.since_start > kDate) zero_ = entry.at;
     begun_ = true;
     entry.at = Instant{entry.at - zero_};
     return true;
   }
+  channel_.check_found(*reader_);
   return false;
 }
 

@@ -5,12 +5,13 @@
 #include <memory>
 #include <string>
 
+#include "bench/log/chosen_channel.hpp"
 #include "bench/log/log_reader.hpp"
 #include "bench/scenario/scenario.hpp"
 
 namespace meltbench::cli {
 
-/// The log that is meant: the file, or bus.log of a run's folder.
+/// The log that is meant: the file, or bus.log of a run's folder. @throws log::LogError if it is not there.
 [[nodiscard]] std::filesystem::path find_log(const std::filesystem::path& path);
 
 /// The one run that a scenario describes; without a scenario, repro.toml beside the log.
@@ -32,7 +33,7 @@ class ChannelLog {
 
  private:
   std::unique_ptr<log::LogReader> reader_;
-  std::string channel_;
+  log::ChosenChannel channel_;
   bool begun_ = false;
   Instant zero_{};
 };

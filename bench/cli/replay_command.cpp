@@ -116,7 +116,9 @@ replay::Tolerance read_tolerance(const ReplayRequest& request, const config::Rig
 class Witness final : public bus::RunObserver {
  public:
   explicit Witness(const std::filesystem::path& path) {
-    if (!path.empty()) writer_ = log::create_log(log::create_file(path), log::format_by_name(path));
+    if (path.empty()) return;
+    const log::LogFormat format = log::format_by_name(path);
+    writer_ = log::create_log(log::create_file(path), format);
   }
   void on_frame(const can::StampedFrame& frame, std::size_t) override {
     if (writer_) writer_->write({frame.at, 0, log::Direction::kUnknown, frame.frame}, "bench");
@@ -206,7 +208,7 @@ ExitStatus replay_to_live_side(const ReplayRequest& request) {
 }  // namespace
 
 ExitStatus replay_log(const ReplayRequest& request) {
-  if (request.can.empty() == request.to.empty()) {
+  if (request.can.empty() && request.to.empty()) {
     throw std::invalid_argument{"replay needs one of --can BUS, --to controller, --to boards"};
   }
   if (!(request.speed > 0.0)) throw std::invalid_argument{"--speed must be above 0"};

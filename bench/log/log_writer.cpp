@@ -20,7 +20,8 @@ namespace meltbench::log {
 namespace {
 
 [[noreturn]] void fail(const std::string& name) {
-  throw LogError{fmt::format("{}: cannot be written: {}", name, std::strerror(errno)), "is there room on the disk, and may you write there?"};
+  throw LogError{fmt::format("{}: cannot be written: {}", name, std::strerror(errno)),
+                 "is there room on the disk, and may you write there?"};
 }
 
 link::UniqueFd open_to_write(const std::filesystem::path& path) {
@@ -91,8 +92,14 @@ std::unique_ptr<ByteSink> create_file(const std::filesystem::path& path) {
 LogFormat format_by_name(const std::filesystem::path& path) {
   const std::string extension = without_gz(path).extension().string();
   if (extension == ".asc") return LogFormat::kAsc;
-  if (extension == ".blf") return LogFormat::kBlf;
-  return LogFormat::kCandump;
+  if (extension == ".blf" && path.extension() != ".gz") return LogFormat::kBlf;
+  if (extension == ".log" || extension == ".txt" || extension.empty()) return LogFormat::kCandump;
+  if (extension == ".blf") {
+    throw LogError{fmt::format("{}: a BLF file gets its head last, so it must be a plain file", path.string()),
+                   "leave .gz away: it is packed inside already"};
+  }
+  throw LogError{fmt::format("{}: no log ends in {}", path.string(), extension),
+                 "NAME.log or .txt is candump text, NAME.asc and NAME.blf are Vector's; .gz behind it packs the texts"};
 }
 
 std::unique_ptr<LogWriter> create_log(std::unique_ptr<ByteSink> sink, LogFormat format) {
@@ -101,8 +108,7 @@ std::unique_ptr<LogWriter> create_log(std::unique_ptr<ByteSink> sink, LogFormat 
       return std::make_unique<AscWriter>(std::move(sink));
     case LogFormat::kBlf:
       if (!sink->can_rewrite()) {
-        throw LogError{"a BLF file gets its head last, so it must be a plain file",
-                       "write it to a file of its own; it is packed inside already"};
+        throw LogError{"a BLF file gets its head last, so it must be a plain file", "write it to a file of its own"};
       }
       return std::make_unique<BlfWriter>(std::move(sink));
     case LogFormat::kCandump:

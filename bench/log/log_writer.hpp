@@ -38,10 +38,12 @@ class LogWriter {
   virtual void finish() = 0;
 };
 
-/// Format by the name: ".asc", ".blf", or else candump text (".log"); a ".gz" behind it is passed over.
+/// Format by the name: ".asc", ".blf", or candump text for ".log", ".txt" and no ending; a ".gz" behind it is passed
+/// over.
+/// @throws LogError for any other ending, and for ".blf.gz".
 [[nodiscard]] LogFormat format_by_name(const std::filesystem::path& path);
 
-/// @throws LogError: BLF packed with gzip, or to standard output: its head is written last.
+/// @throws LogError: BLF to what cannot be rewritten, since its head is written last.
 [[nodiscard]] std::unique_ptr<LogWriter> create_log(std::unique_ptr<ByteSink> sink, LogFormat format);
 
 }  // namespace meltbench::log

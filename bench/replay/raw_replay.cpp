@@ -7,6 +7,7 @@
 #include <optional>
 #include <utility>
 
+#include "bench/log/chosen_channel.hpp"
 #include "protocols/runtime/real_time_clock.hpp"
 
 namespace meltbench::replay {
@@ -53,9 +54,7 @@ class Sender {
     Instant latest{};
     Nanos start{};
     while (log.next(entry)) {
-      const std::string& name = log.channels()[entry.channel];
-      if (channel_.empty()) channel_ = name;
-      if (name != channel_ || !is_wanted(entry.frame, request_)) {
+      if (!channel_.takes(log, entry) || !is_wanted(entry.frame, request_)) {
         ++result_.left_out;
         continue;
       }
@@ -70,6 +69,7 @@ class Sender {
       if (send(entry.frame)) result_.lateness.add(runtime::read_monotonic() - due, Instant{latest - *first});
       hear();
     }
+    channel_.check_found(log);
     return first.has_value();
   }
 
@@ -125,7 +125,7 @@ class Sender {
   link::CanLink& bus_;
   const RawReplayRequest& request_;
   const std::function<bool()>& stop_;
-  std::string channel_;
+  log::ChosenChannel channel_;
   RawReplayResult result_;
 };
 

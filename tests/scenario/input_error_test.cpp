@@ -49,6 +49,7 @@ TEST_CASE("Bad input: one clear error with its place and a hint, and exit status
 
 TEST_CASE("Bad usage: files that are not there, paces that do not exist, buses that are taken", "[scenario]") {
   const std::string good = scenario_file("delay_compensation");
+  const std::string log = std::string{MELTBENCH_SOURCE_DIR} + "/fixtures/recordings/board_reboot.log.gz";
   auto [arguments, expected] = GENERATE_COPY(table<std::vector<std::string>, std::string>({
       {{"run", "nowhere.toml"}, "nowhere.toml"},
       {{"run", good, "--pace", "fast"}, "realtime:FACTOR"},
@@ -62,6 +63,13 @@ TEST_CASE("Bad usage: files that are not there, paces that do not exist, buses t
       {{"run", good, "--slcan-pty", "/proc/nowhere", "--out", "OUT"}, "/proc/nowhere"},
       {{"report", "/nowhere"}, "/nowhere"},
       {{"fly"}, "fly"},
+      {{"replay", log, "--to", "controller", "--speed", "2"}, "--speed requires --can"},
+      {{"replay", log, "--to", "controller", "--can", "can0"}, "excludes"},
+      {{"replay", log}, "meltbench replay --help"},
+      {{"convert", log, "/proc/x.mp3"}, "NAME.log"},
+      {{"convert", log, "/proc/x.blf.gz"}, "leave .gz away"},
+      {{"show", "nowhere.log"}, "nowhere.log: No such file"},
+      {{"show", log, "--scenario", scenario_file("set_point_step"), "--channel", "can7"}, "it has bench"},
       {std::vector<std::string>{}, "subcommand"},
   }));
   const TemporaryFolder folder;
