@@ -68,10 +68,11 @@ JudgedRun run_and_judge(PreparedRun& prepared, const RunRequest& request) {
   JudgedRun judged{execute(prepared, request), {}};
   const double elapsed_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
   judged.results = prepared.checks.judge(judged.recording);
+  // Told first: a disk that is full has no room for the files of the verdict either.
+  print_verdict(judged.recording, judged.results, to_s(judged.recording.ending.at) / elapsed_s, request.quiet);
   report::write_run_results(prepared.folder, judged.recording, judged.results);
   const report::Run run{&judged.recording, &judged.results};
   report::write_report(prepared.folder / "report.html", std::span{&run, 1});
-  print_verdict(judged.recording, judged.results, to_s(judged.recording.ending.at) / elapsed_s, request.quiet);
   return judged;
 }
 

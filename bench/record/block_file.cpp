@@ -21,7 +21,12 @@ BlockFile::~BlockFile() {
 }
 
 void BlockFile::flush() noexcept {
-  if (error_.empty() && !link::write_all(fd_.get(), text_)) error_ = path_ + ": " + std::strerror(errno);
+  if (error_.empty()) {
+    if (link::append_whole(fd_.get(), written_, text_))
+      written_ += text_.size();
+    else
+      error_ = path_ + ": " + std::strerror(errno);
+  }
   text_.clear();
 }
 

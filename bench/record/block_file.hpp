@@ -2,6 +2,7 @@
 /// A text file written in large blocks that end at line ends.
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <string>
 
@@ -12,7 +13,7 @@ namespace meltbench::record {
 /// Collects whole lines and hands them to the kernel 64 KiB at a time. Not thread-safe.
 ///
 /// A caller appends one line (with its '\n') to text(), then calls end_line(). After a failed write it drops everything
-/// and keeps the reason: the loop that records must not stop for a full disk.
+/// and keeps the reason: the loop that records must not stop for a full disk, which leaves the last whole block.
 class BlockFile {
  public:
   /// Creates or empties the file. @throws std::system_error naming the path.
@@ -36,6 +37,7 @@ class BlockFile {
   std::string text_;
   std::string error_;
   link::UniqueFd fd_;
+  std::uint64_t written_ = 0;
 };
 
 }  // namespace meltbench::record

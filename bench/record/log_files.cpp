@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <system_error>
@@ -64,14 +63,7 @@ void LogFiles::put(std::string_view line) {
 }
 
 void LogFiles::flush() {
-  if (!link::write_all(fd_.get(), text_)) {
-    const int error = errno;
-    if (::ftruncate(fd_.get(), static_cast<off_t>(written_)) != 0) {
-      // Nothing more can be done for this file; the complaint is that of the write.
-    }
-    errno = error;
-    throw_errno(file_);
-  }
+  if (!link::append_whole(fd_.get(), written_, text_)) throw_errno(file_);
   written_ += text_.size();
   text_.clear();
 }

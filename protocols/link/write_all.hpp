@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdint>
 #include <string_view>
 
 namespace meltbench::link {
@@ -16,6 +17,16 @@ namespace meltbench::link {
     bytes.remove_prefix(static_cast<std::size_t>(count));
   }
   return true;
+}
+
+/// Appends to a file of `size` bytes all of it or nothing: what a full disk has taken of it is cut off again.
+/// @returns false, with errno: nothing.
+[[nodiscard]] inline bool append_whole(int fd, std::uint64_t size, std::string_view bytes) noexcept {
+  if (write_all(fd, bytes)) return true;
+  const int reason = errno;
+  static_cast<void>(!::ftruncate(fd, static_cast<off_t>(size)));  // No more can be done; the complaint is the write's.
+  errno = reason;
+  return false;
 }
 
 }  // namespace meltbench::link
