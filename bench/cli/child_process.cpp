@@ -13,6 +13,8 @@
 #include <thread>
 #include <utility>
 
+#include "bench/cli/exit_status.hpp"
+
 namespace meltbench::cli {
 namespace {
 
@@ -70,6 +72,10 @@ std::optional<std::string> ChildProcess::find_end() {
   if (!poll_end()) return std::nullopt;
   if (WIFSIGNALED(*wait_status_)) return fmt::format("was killed by signal {}", WTERMSIG(*wait_status_));
   return fmt::format("ended with status {}", WEXITSTATUS(*wait_status_));
+}
+
+bool ChildProcess::has_refused() {
+  return poll_end() && WIFEXITED(*wait_status_) && WEXITSTATUS(*wait_status_) == static_cast<int>(ExitStatus::kUsage);
 }
 
 void ChildProcess::finish() {

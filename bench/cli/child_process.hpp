@@ -23,6 +23,8 @@ class ChildProcess {
   [[nodiscard]] const std::string& name() const { return name_; }
   /// How it ended, in words ("ended with status 2", "was killed by signal 9"); nothing while it runs.
   [[nodiscard]] std::optional<std::string> find_end();
+  /// Whether it has ended because what it was given is no good, which it has told the user.
+  [[nodiscard]] bool has_refused();
   /// Waits for it to end by itself for as long as a program takes to notice that it shall; then kills it.
   void finish();
 

@@ -78,8 +78,12 @@ Programs::Programs(const PreparedRun& prepared, const RunRequest& request, const
 std::vector<bus::Joined> Programs::wait_until_joined(bus::Broker& broker, std::span<const std::string> names) {
   auto joined = broker.wait_for(names, [this] { return runtime::stop_requested() || !describe_ends().empty(); });
   if (joined) return std::move(*joined);
-  throw std::runtime_error{runtime::stop_requested() ? "interrupted before the run began"
-                                                     : describe_ends() + " before the run began"};
+  if (runtime::stop_requested()) throw std::runtime_error{"interrupted before the run began"};
+  const std::string ends = describe_ends() + " before the run began";
+  if (std::ranges::any_of(children_, &ChildProcess::has_refused)) {
+    throw link::LinkError{ends, "why, and what to do about it, is what it says above"};
+  }
+  throw std::runtime_error{ends};
 }
 
 std::string Programs::describe_ends() {

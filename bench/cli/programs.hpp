@@ -20,7 +20,8 @@ class Programs {
   Programs(const PreparedRun& prepared, const RunRequest& request, const std::string& bus_name, std::optional<int> cpu);
 
   /// @returns their connections, in the order of `names`.
-  /// @throws std::runtime_error naming the program that ended before it joined.
+  /// @throws std::runtime_error naming the program that ended before it joined; link::LinkError if that was because it
+  ///         cannot use what it was given.
   [[nodiscard]] std::vector<bus::Joined> wait_until_joined(bus::Broker& broker, std::span<const std::string> names);
 
   /// "plant_emulator was killed by signal 9"; empty if all run.

@@ -103,3 +103,12 @@ TEST_CASE("Bad usage: the emulator and the controller explain themselves when st
   CHECK(no_rig.status == 2);
   CHECK_THAT(no_rig.output, Catch::Contains("nowhere.toml"));
 }
+
+TEST_CASE("Bad usage: a port that a program of the run cannot open is bad usage of the run", "[scenario]") {
+  const TemporaryFolder folder;
+  const BenchResult run =
+      run_bench({"run", scenario_file("feeder_serial"), "--line", "dosing=/dev/null", "--out", folder.path() / "out"});
+  INFO(run.output);
+  CHECK(run.status == 2);
+  CHECK_THAT(run.output, Catch::Contains("/dev/null is no serial port") && Catch::Contains("plant_emulator ended"));
+}
