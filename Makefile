@@ -1,10 +1,11 @@
 # make run    builds and runs the main scenarios         make test   runs every test that this machine can run
 # make build  builds the three programs                  make bench  measures speeds
 # make test-kernel  runs the programs over a real kernel's CAN and serial ports, in small virtual machines
+# make record-stories  records the failures of tests/kernel/stories there anew, into fixtures/recordings
 BIN := build/release/bin
 RUN_OUT := build/run
 
-.PHONY: run test test-kernel torture build bench bench-realtime asan tsan fuzz deps clean
+.PHONY: run test test-kernel record-stories torture build bench bench-realtime asan tsan fuzz deps clean
 
 run: build
 	@$(BIN)/meltbench run fixtures/scenarios/delay_compensation.toml --out $(RUN_OUT)
@@ -16,6 +17,9 @@ test: build
 
 test-kernel: build
 	@tests/kernel/run $(BIN) build/kernel
+
+record-stories: build
+	@tests/kernel/record_stories $(BIN) build/stories
 
 build: deps
 	@cmake --preset release >build/configure.log 2>&1 || { cat build/configure.log; exit 1; }
