@@ -17,9 +17,9 @@ constexpr std::size_t kMaxRefused = 1024;  // As the real-time driver; more is a
 constexpr int kDisturbanceBits = 17;
 
 std::size_t count_nodes(std::span<const BitTimedMedium::Member> members) {
-  std::size_t nodes = 1;  // The stranger.
+  std::size_t nodes = 2;  // The stranger and the twin.
   for (const auto& member : members) nodes += std::max<std::size_t>(member.nodes.size(), 1);
-  if (nodes > 64) throw std::invalid_argument{fmt::format("{} nodes on a bit-timed bus, at most 63", nodes - 1)};
+  if (nodes > 64) throw std::invalid_argument{fmt::format("{} nodes on a bit-timed bus, at most 62", nodes - 2)};
   return nodes;
 }
 
@@ -63,8 +63,11 @@ BitTimedMedium::BitTimedMedium(const BitTimedSettings& settings, std::span<const
   }
   names_.emplace_back(kStranger);
   owners_.push_back(kTapSender);
+  names_.emplace_back(kTwin);
+  owners_.push_back(kOutsideSender);
   states_.resize(names_.size());
-  bus_.set_powered(Instant{}, names_.size() - 1, false);
+  bus_.set_powered(Instant{}, stranger(), false);
+  bus_.set_powered(Instant{}, twin(), false);
 }
 
 void BitTimedMedium::send(Instant now, std::size_t participant, std::size_t own_node, const can::CanFrame& frame) {
@@ -80,13 +83,17 @@ void BitTimedMedium::send(Instant now, std::size_t participant, std::size_t own_
 }
 
 void BitTimedMedium::send_from_outside(Instant now, const can::CanFrame& frame) {
-  const std::size_t node = names_.size() - 1;
+  const std::size_t node = stranger();
   if (bus_.node(node).is_off()) bus_.set_powered(now, node, true);
   if (!bus_.send(now, node, frame)) ++lost_frames_;
 }
 
 std::size_t BitTimedMedium::room_for_outside() {
-  return bus_.node(names_.size() - 1).room();
+  return bus_.node(stranger()).room();
+}
+
+void BitTimedMedium::plug_twin(Instant now, bool in) {
+  bus_.set_powered(now, twin(), in);
 }
 
 void BitTimedMedium::send_waiting(Instant now, std::size_t participant) {
@@ -108,7 +115,7 @@ std::size_t BitTimedMedium::find_node(std::string_view name) const {
 void BitTimedMedium::on_delivery(const Delivery& delivery) {
   count(delivery);
   std::uint64_t heard_by = 0;
-  for (std::size_t node = 0; node + 1 < names_.size(); ++node) {
+  for (std::size_t node = 0; node < stranger(); ++node) {
     if (((delivery.receivers >> node) & 1U) != 0) heard_by |= std::uint64_t{1} << owners_[node];
   }
   const bool known = delivery.sender != kNoNode;

@@ -52,10 +52,12 @@ class BitTimedMedium final : private BusListener {
     std::string_view name;
     std::span<const std::string> nodes;
   };
-  /// Number of a node that nobody owns: without power until a frame comes from outside the run, or a fault wants it.
+  /// Two nodes that nobody owns: one for programs outside the run, without power until a frame comes from there, and
+  /// one for devices that a fault plugs in.
   static constexpr std::string_view kStranger = "stranger";
+  static constexpr std::string_view kTwin = "twin";
 
-  /// @param members  by number of the participant; 63 nodes at most.  @param listener  outlives the medium.
+  /// @param members  by number of the participant; 62 nodes at most.  @param listener  outlives the medium.
   /// @throws std::invalid_argument for more nodes.
   BitTimedMedium(const BitTimedSettings& settings, std::span<const Member> members, MediumListener& listener);
 
@@ -65,6 +67,11 @@ class BitTimedMedium final : private BusListener {
   void send_from_outside(Instant now, const can::CanFrame& frame);
   /// How many of those its transmit queue takes now.
   [[nodiscard]] std::size_t room_for_outside();
+  /// The node of devices that a fault plugs in: gets or loses its power; queues a frame, or loses it; has a CAN
+  /// controller that receives.
+  void plug_twin(Instant now, bool in);
+  void send_for_twin(Instant now, const can::CanFrame& frame) { static_cast<void>(bus_.send(now, twin(), frame)); }
+  [[nodiscard]] bool hears_twin() { return !bus_.node(twin()).is_off(); }
   [[nodiscard]] Instant next_event() const { return bus_.next_event(); }
   void advance(Instant to) { bus_.advance(to); }
 
@@ -86,6 +93,8 @@ class BitTimedMedium final : private BusListener {
   void on_error(Instant at, std::size_t node, const can::CanFrame& error) override;
   void on_state(Instant at, std::size_t node, can::ErrorState state) override;
   void count(const Delivery& delivery);
+  [[nodiscard]] std::size_t stranger() const { return names_.size() - 2; }
+  [[nodiscard]] std::size_t twin() const { return names_.size() - 1; }
   void send_waiting(Instant now, std::size_t participant);
 
   struct Membership {

@@ -104,8 +104,10 @@ record::BusTiming describe(bus::BitTimedMedium& medium, Nanos duration, const Re
   }
   for (std::size_t i = 0; i < medium.node_names().size(); ++i) {
     const bus::BusNode& node = medium.bus().node(i);
-    if (medium.node_names()[i] == bus::BitTimedMedium::kStranger && node.counters().tx_packets == 0) continue;
-    timing.nodes.push_back(describe_node(medium.node_names()[i], node));
+    const std::string& name = medium.node_names()[i];
+    const bool may_be_away = name == bus::BitTimedMedium::kStranger || name == bus::BitTimedMedium::kTwin;
+    if (may_be_away && node.counters().tx_packets == 0 && node.counters().bus_errors == 0) continue;
+    timing.nodes.push_back(describe_node(name, node));
   }
   return timing;
 }

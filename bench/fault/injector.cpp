@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "bench/bus/bit_timed_medium.hpp"
+#include "bench/bus/run_observer.hpp"
 #include "protocols/participant/restartable.hpp"
 
 namespace meltbench::fault {
@@ -28,9 +29,9 @@ Nanos nanos_from_ms(double ms) {
   return nanos_from_s(ms * 1e-3);
 }
 
-bool is_order(Target target) {
-  return target == Target::kBoard || target == Target::kSensor || target == Target::kActuator ||
-         target == Target::kPlant;
+bool is_order(const Fault& fault) {
+  return (fault.target == Target::kBoard && fault.kind() != Kind::kSameNodeId) || fault.target == Target::kSensor ||
+         fault.target == Target::kActuator || fault.target == Target::kPlant;
 }
 
 bool is_of_program(Target target) {
@@ -73,6 +74,7 @@ void Injector::plan(Fault fault) {
     }
     planned.signal = static_cast<std::size_t>(found - signals_.begin());
   }
+  if (fault.kind() == Kind::kSameNodeId) planned.twin = std::make_unique<Twin>(fault);
   planned.fault = std::move(fault);
   faults_.push_back(std::move(planned));
 }
@@ -104,6 +106,7 @@ void Injector::update_deadline() {
   deadline_ = Instant::never();
   for (const Planned& planned : faults_) {
     if (planned.phase != Phase::kOver) deadline_ = std::min(deadline_, planned.due);
+    if (planned.twin) deadline_ = std::min(deadline_, planned.twin->next_deadline());
   }
   for (const Held& held : held_) deadline_ = std::min(deadline_, held.due);
 }
@@ -118,7 +121,8 @@ void Injector::begin(std::size_t number, Instant now, bus::RunControl& run) {
   planned.phase = Phase::kOn;
   planned.due = fault.duration ? now + *fault.duration : Instant::never();
   tell(now, "fault-on", planned, "");
-  if (is_order(fault.target)) run.post_order(emulator_, write_order(number, true, fault));
+  if (is_order(fault)) run.post_order(emulator_, write_order(number, true, fault));
+  if (planned.twin) plug_twin(planned, true, now, run);
   if (is_of_program(fault.target)) begin_program(fault, now, run);
   wires_.begin(number, fault, planned.seed, now, run);
   if (fault.kind() == Kind::kCorrupt && flip_on_wire(planned, now, run)) planned.phase = Phase::kOver;
@@ -161,7 +165,8 @@ void Injector::end(std::size_t number, Instant now, bus::RunControl& run) {
   const Fault& fault = planned.fault;
   planned.phase = Phase::kOver;
   wires_.end(number, fault, now, run);
-  if (is_order(fault.target)) run.post_order(emulator_, write_order(number, false, fault));
+  if (is_order(fault)) run.post_order(emulator_, write_order(number, false, fault));
+  if (planned.twin) plug_twin(planned, false, now, run);
   if (is_of_program(fault.target)) end_program(fault, now, run);
   tell(now, "fault-off", planned,
        fault.target == Target::kFrame ? fmt::format(": hit {} of {} frames", planned.hits, planned.matched) : "");
@@ -173,8 +178,51 @@ void Injector::on_time(Instant now, bus::RunControl& run) {
     if (faults_[number].phase == Phase::kWaiting) begin(number, now, run);
     if (faults_[number].phase == Phase::kOn && faults_[number].due <= now) end(number, now, run);
   }
+  run_twins(now, run);
   release_held(now, run);
   update_deadline();
+}
+
+void Injector::plug_twin(Planned& planned, bool in, Instant now, bus::RunControl& run) {
+  if (in) {
+    planned.twin->plug_in(now, from_twins_);
+  } else {
+    planned.twin->unplug();
+  }
+  if (bus::BitTimedMedium* medium = run.medium()) {
+    medium->plug_twin(now, std::any_of(faults_.begin(), faults_.end(),
+                                       [](const Planned& one) { return one.twin && one.twin->is_in(); }));
+  }
+  send_for_twins(now, run);
+}
+
+void Injector::run_twins(Instant now, bus::RunControl& run) {
+  for (Planned& planned : faults_) {
+    if (planned.twin && planned.twin->next_deadline() <= now) planned.twin->on_time(now, from_twins_);
+  }
+  send_for_twins(now, run);
+}
+
+void Injector::tell_twins(const can::StampedFrame& stamped, std::size_t sender, bus::RunControl& run) {
+  if (sender == bus::kOutsideSender || stamped.frame.kind == can::FrameKind::kError) return;  // Its own words.
+  if (bus::BitTimedMedium* medium = run.medium(); medium != nullptr && !medium->hears_twin()) return;
+  for (Planned& planned : faults_) {
+    if (planned.twin && planned.twin->is_in()) planned.twin->on_frame(stamped.at, stamped.frame, from_twins_);
+  }
+  send_for_twins(stamped.at, run);
+}
+
+/// On the ideal bus what twins say comes right behind the frame that they answer.
+void Injector::send_for_twins(Instant now, bus::RunControl& run) {
+  bus::BitTimedMedium* medium = run.medium();
+  for (const can::CanFrame& frame : from_twins_) {
+    if (medium != nullptr) {
+      medium->send_for_twin(now, frame);
+    } else {
+      held_.push_back({now, 0, bus::kOutsideSender, frame});
+    }
+  }
+  from_twins_.clear();
 }
 
 void Injector::release_held(Instant now, bus::RunControl& run) {
@@ -206,7 +254,10 @@ bool Injector::on_frame(const can::StampedFrame& stamped, std::size_t sender, bu
     if (planned.fault.count && planned.hits >= *planned.fault.count) end(number, now, run);
     if (!goes_on) break;
   }
-  if (goes_on) pass_held(now);
+  if (goes_on) {
+    pass_held(now);
+    tell_twins(stamped, sender, run);
+  }
   update_deadline();
   return goes_on;
 }

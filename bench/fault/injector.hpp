@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -11,6 +12,7 @@
 
 #include "bench/bus/intervention.hpp"
 #include "bench/fault/faulty_port.hpp"
+#include "bench/fault/twin.hpp"
 #include "bench/fault/wire_faults.hpp"
 #include "protocols/fault/fault.hpp"
 #include "protocols/participant/participant.hpp"
@@ -22,6 +24,7 @@ namespace meltbench::fault {
 ///
 /// On the ideal bus a frame whose bits are flipped fails its CRC in every receiver and is lost; there is no repetition.
 /// On the bit-timed bus a bit of it is flipped on the wire: an error frame, and the sender repeats.
+/// Devices with a node id that is taken are on the bus here; on the bit-timed bus they share one CAN controller.
 /// Chance depends on the run's seed, the fault's seed, its place in the list and the number of the frame alone: equal
 /// seeds give equal runs. Every begin and end is an event of the bench, "fault-on" and "fault-off".
 /// Cost: a comparison per fault and frame; no allocation but at begin and end, and for frames that are held back.
@@ -68,6 +71,7 @@ class Injector final : public bus::Intervention {
     std::uint64_t seen = 0;          ///< Frames that its trigger looked for,
     std::uint64_t matched = 0;       ///< that it could hit,
     std::uint64_t hits = 0;          ///< and has hit.
+    std::unique_ptr<Twin> twin{};    ///< Of a node id that is there twice.
   };
   /// A frame that comes later than it was sent.
   struct Held {
@@ -88,6 +92,10 @@ class Injector final : public bus::Intervention {
   void pass_held(Instant now);
   [[nodiscard]] static bool flip_on_wire(const Planned& planned, Instant now, bus::RunControl& run);
   void release_held(Instant now, bus::RunControl& run);
+  void tell_twins(const can::StampedFrame& frame, std::size_t sender, bus::RunControl& run);
+  void run_twins(Instant now, bus::RunControl& run);
+  void plug_twin(Planned& planned, bool in, Instant now, bus::RunControl& run);
+  void send_for_twins(Instant now, bus::RunControl& run);
   void tell(Instant now, std::string_view code, const Planned& planned, std::string_view more) const;
   void update_deadline();
 
@@ -99,6 +107,7 @@ class Injector final : public bus::Intervention {
   std::vector<Planned> faults_;
   std::vector<ProgramCondition> programs_;
   WireFaults wires_;
+  canopen::Frames from_twins_;
   std::vector<Held> held_;  ///< In the order in which they were taken.
   Instant deadline_ = Instant::never();
 };

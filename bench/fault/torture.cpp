@@ -43,6 +43,7 @@ constexpr std::array kSpans{
     Span{"product", 1, 1e6, true},
     Span{"code", 1, 65535, true},
     Span{"period_ms", 1, 200},
+    Span{"running", 0, 2, true},
     Span{"share", 0, 0.3},
     Span{"lag_ms", 10, 5000},
     Span{"viscosity_factor", 0.4, 2.5},

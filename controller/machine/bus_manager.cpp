@@ -104,9 +104,11 @@ bool BusManager::run_boot(Instant now, bool others_ready, Outbox& out) {
 }
 
 void BusManager::start_nodes(Instant now, Outbox& out) {
+  paces_.clear();
   for (const BoardSettings& board : boards_) {
     out.send(canopen::make_nmt_command(canopen::NmtCommand::kStart, board.node_id));
     heartbeats_.watch_from(now, board.node_id, kHeartbeatsMissed * board.heartbeat);
+    paces_.emplace_back(board.heartbeat);
   }
   phase_ = Phase::kUp;
   ready_at_ = now;
@@ -161,6 +163,12 @@ void BusManager::on_node_control(Instant now, const can::CanFrame& frame, Outbox
   const bool boot_up =
       frame.length == 1 && frame.bytes[0] == static_cast<std::uint8_t>(canopen::NmtState::kInitialising);
   if (phase_ == Phase::kBooting && boot_up) boots_[i].on_boot_up(now, out.frame_queue());
+  if (phase_ == Phase::kUp && paces_[i].add(now)) {
+    complain("node-doubled",
+             fmt::format("{}: more heartbeats than one device sends every {:.3g} s; has another one the "
+                         "same node id?",
+                         label(i), to_s(boards_[i].heartbeat)));
+  }
   if (const auto event = heartbeats_.on_frame(now, frame)) on_heartbeat(now, *event, out);
 }
 

@@ -10,6 +10,7 @@
 #include "controller/machine/node_boot.hpp"
 #include "controller/machine/settings.hpp"
 #include "controller/machine/trouble.hpp"
+#include "controller/safety/pace_watch.hpp"
 #include "protocols/canopen/emcy.hpp"
 #include "protocols/canopen/heartbeat.hpp"
 #include "protocols/canopen/manager.hpp"
@@ -21,7 +22,7 @@ namespace meltbench::machine {
 /// last is configured all are started together.
 ///
 /// Whatever is wrong becomes a Trouble with one of the codes boot-timeout, identity-mismatch, configuration-failed,
-/// heartbeat-lost, node-reset, node-not-operational, emcy; what is survived is reported as an event.
+/// heartbeat-lost, node-reset, node-not-operational, node-doubled, emcy; what is survived is reported as an event.
 /// Real time: a cycle allocates nothing but for events.
 class BusManager {
  public:
@@ -80,6 +81,7 @@ class BusManager {
   Phase phase_ = Phase::kOff;
   Instant ready_at_;
   canopen::HeartbeatConsumer heartbeats_;
+  std::vector<safety::PaceWatch> paces_;  // Of those heartbeats, in the order of boards_, while they run.
   canopen::PeriodicTimer heartbeat_timer_;
   canopen::PeriodicTimer sync_timer_;
   std::vector<Trouble> troubles_;

@@ -147,6 +147,16 @@ Trigger read_trigger(const Section& section, bool live) {
   return trigger;
 }
 
+/// The board whose node id somebody else has, too.
+void describe_board(Fault& fault, const Scope& scope) {
+  const auto& boards = scope.rig.boards;
+  const auto board = std::find_if(boards.begin(), boards.end(),
+                                  [&](const config::RigBoard& each) { return each.name == fault.object; });
+  fault.node_id = board->node_id;
+  fault.heartbeat = board->heartbeat;
+  fault.eds = board->eds;
+}
+
 void read_frame_keys(const Section& section, Fault& fault) {
   fault.frames = read_match(section);
   fault.probability = section.number_or("probability", 1.0, kProbability);
@@ -170,6 +180,7 @@ Fault read_fault(const Section& section, const Scope* scope, bool live) {
   fault.trigger = read_trigger(section, live);
   if (section.has("for_s")) fault.duration = section.duration("for_s", config::above_up_to(0, kLongest_s));
   if (fault.target == Target::kFrame) read_frame_keys(section, fault);
+  if (fault.kind() == Kind::kSameNodeId && scope != nullptr) describe_board(fault, *scope);
   fault.seed = static_cast<std::uint64_t>(section.integer_or("seed", 1, config::at_least(0)));
   fault.name = section.text_or("name", fmt::format("{} {}", section.text("target"), fault.info->name));
   fault.table = section.table();

@@ -2,6 +2,7 @@
 /// One fault of a run: what fails, how, when and for how long. [[fault]] of a scenario, or given to a running bench.
 
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -51,6 +52,11 @@ struct Fault {
   FrameMatch frames;
   double probability = 1.0;            ///< That it hits a frame that matches.
   std::optional<std::uint64_t> count;  ///< It ends after so many hits.
+
+  // kind = "same_node_id" only: of the board
+  std::uint8_t node_id = 0;
+  Nanos heartbeat{};
+  std::filesystem::path eds;
 
   config::Table table;  ///< As it was written, for repro.toml and for whoever carries it out.
 

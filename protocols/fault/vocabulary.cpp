@@ -37,6 +37,7 @@ constexpr std::array kVocabulary{
         Parameter{"product", Unit::kAsNamed, 0, 4'294'967'295.0, 1.0}),
     row(Target::kBoard, Kind::kEmcyStorm, "emcy_storm", Parameter{"code", Unit::kAsNamed, 1, 65'535, 0x1000},
         Parameter{"period_ms", Unit::kAsNamed, 0.1, 10'000, 10.0}),
+    row(Target::kBoard, Kind::kSameNodeId, "same_node_id", Parameter{"running", Unit::kAsNamed, 0, 1, 0.0}),
 
     row(Target::kSensor, Kind::kStuck, "stuck"),
     row(Target::kSensor, Kind::kOffset, "offset", Parameter{"offset", Unit::kOfObject, -kHuge, kHuge, {}}),

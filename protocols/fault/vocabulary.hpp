@@ -32,6 +32,7 @@ enum class Kind : std::uint8_t {
   kHeartbeatLost,
   kWrongIdentity,
   kEmcyStorm,
+  kSameNodeId,
   // sensor and actuator
   kStuck,
   kOffset,

@@ -1,5 +1,6 @@
 #include "bench/bus/bit_timed_medium.hpp"
 
+#include <algorithm>
 #include <array>
 #include <catch2/catch.hpp>
 
@@ -193,5 +194,49 @@ TEST_CASE("Bit-timed medium: response times per identifier run from queued to th
   CHECK(medium.responses()[0].worst_delay == 0us);
   CHECK(medium.responses()[1].worst_delay == 112 * 2us);
   CHECK(medium.responses()[1].worst_response == (112 + 55) * 2us);
-  CHECK(medium.node_names() == std::vector<std::string>{"a", "b", "stranger"});
+  CHECK(medium.node_names() == std::vector<std::string>{"a", "b", "stranger", "twin"});
+}
+
+TEST_CASE("Bit-timed medium: a device that a fault plugs in speaks, hears, and collides with its like", "[bus]") {
+  class Notes final : public MediumListener {
+   public:
+    void on_crossed(const can::StampedFrame& stamped, std::size_t sender, std::uint64_t heard_by) override {
+      crossed.push_back(stamped.frame);
+      senders.push_back(sender);
+      heard.push_back(heard_by);
+    }
+    void on_error_frame(const can::StampedFrame&, std::size_t) override { ++errors; }
+    void on_node_state(std::size_t, const Event& event) override { states.push_back(event.text); }
+    std::vector<can::CanFrame> crossed;
+    std::vector<std::size_t> senders;
+    std::vector<std::uint64_t> heard;
+    int errors = 0;
+    std::vector<std::string> states;
+  };
+  Notes notes;
+  const std::array<BitTimedMedium::Member, 2> members{{{"a", {}}, {"b", {}}}};
+  BitTimedMedium medium{{}, members, notes};
+  CHECK_FALSE(medium.hears_twin());
+  medium.plug_twin(Instant{}, true);
+  medium.advance(Instant{1ms});
+  REQUIRE(medium.hears_twin());
+  medium.send_for_twin(Instant{1ms}, *can::parse_candump("705#00"));
+  medium.advance(Instant{2ms});
+  REQUIRE(notes.crossed.size() == 1);
+  CHECK(notes.senders[0] == kOutsideSender);
+  CHECK(notes.heard[0] == 0b11);
+  // Equal bits go as one frame.
+  medium.send(Instant{2ms}, 0, 0, *can::parse_candump("701#05"));
+  medium.send_for_twin(Instant{2ms}, *can::parse_candump("701#05"));
+  medium.advance(Instant{3ms});
+  CHECK(notes.crossed.size() == 2);
+  CHECK(notes.errors == 0);
+  // Other bits behind an equal identifier destroy each other until one of the two is bus-off.
+  medium.send(Instant{3ms}, 0, 0, *can::parse_candump("181#0000"));
+  medium.send_for_twin(Instant{3ms}, *can::parse_candump("181#0001"));
+  medium.advance(Instant{50ms});
+  CHECK(notes.errors >= 16);
+  CHECK(std::ranges::count(notes.states, "twin is error-passive") == 1);
+  medium.plug_twin(Instant{50ms}, false);
+  CHECK_FALSE(medium.hears_twin());
 }

@@ -1,5 +1,6 @@
 #include "bench/fault/injector.hpp"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <memory>
@@ -219,4 +220,19 @@ TEST_CASE("A killed program says nothing and has no values until it is started a
   CHECK(twice.numbers(0x181) == std::vector<int>{1, 2, 3});
   const Run again = run({"target = 'program.controller'\nkind = 'restart'\nat_s = 0.025"});
   CHECK(again.numbers(0x181) == std::vector<int>{1, 2, 3, 1, 2, 3, 4, 5, 6, 7, 8});
+}
+
+TEST_CASE("Another device with a board's node id boots up, or answers SYNC as if it had always been there", "[fault]") {
+  const std::string text =
+      "target = 'board.melt_pressure'\nkind = 'same_node_id'\nat_s = 0.01\nfor_s = 0.3\nrunning = ";
+  const auto count = [](const Run& seen, std::uint32_t id) {
+    return std::count_if(seen.heard.begin(), seen.heard.end(), [&](const auto& one) { return one.frame.id == id; });
+  };
+  const Run booted = run({text + "0"}, 1s);
+  CHECK(count(booted, 0x707) == 1);
+  CHECK(booted.numbers(0x707) == std::vector<int>{0});
+  CHECK(booted.orders.empty());  // The emulator has nothing to do with it.
+  const Run running = run({text + "1"}, 1s);
+  CHECK(running.numbers(0x707) == std::vector<int>{5, 5});  // Operational, every 100 ms.
+  CHECK(running.recorded.size() == running.heard.size());
 }

@@ -214,6 +214,25 @@ TEST_CASE("Controller: a lost heartbeat leads to the safe feed, and says whose i
   CHECK(rig.signal("controller.state") == static_cast<double>(ControllerState::kSafe));
 }
 
+TEST_CASE("Controller: two devices with one node id are noticed by their heartbeats, one that is late is not",
+          "[machine]") {
+  FakeRig rig;
+  rig.run_for_s(1.0);
+  const can::CanFrame heartbeat = canopen::make_heartbeat(7, canopen::NmtState::kOperational);
+  for (int i = 0; i < 3; ++i) rig.inject(heartbeat);
+  rig.run_for_s(1.5);
+  CHECK(rig.controller.state() == ControllerState::kRunning);
+  for (int i = 1; i <= 10; ++i) {
+    rig.inject(heartbeat);
+    rig.run_for_s(1.5 + 0.1 * i);
+  }
+  CHECK(rig.controller.state() == ControllerState::kSafe);
+  const Event* event = rig.find_event("node-doubled");
+  REQUIRE(event != nullptr);
+  CHECK_THAT(event->text, Contains("melt_pressure (node 7)"));
+  CHECK(event->at <= Instant{2200ms});  // Within seven periods.
+}
+
 TEST_CASE("Controller: the safe state goes on feeding the feeder's watchdog, and is not left again", "[machine]") {
   FakeRig rig;
   rig.run_for_s(1.0);
