@@ -84,6 +84,9 @@ void require_possible(const fault::Fault& fault, const FaultLimits& limits) {
       section.fail("kind", "at wall-clock pace the run would end with its program",
                    "\"restart\" can be done; or leave --pace and --can away");
     case fault::Target::kBoard:
+      // The second device is on the bench's own bus.
+      if (fault.kind() == fault::Kind::kSameNodeId) require_own_bus(section, limits.frames);
+      return require_emulator(section, fault, limits);
     case fault::Target::kSensor:
     case fault::Target::kActuator:
     case fault::Target::kPlant:

@@ -27,11 +27,13 @@ TEST_CASE("Faults: what the way of a run's frames, bytes and clocks leaves no ro
   const std::string real = "[board.screw_drive]\npart = \"real\"\n";
   const std::string timed = "[bus]\nfidelity = \"bit-timed\"\n";
   const std::string wire = "[[fault]]\ntarget = \"bus.controller\"\nkind = \"bus_off\"\nat_s = 1\n";
+  const std::string twin = "[[fault]]\ntarget = \"board.feeder\"\nkind = \"same_node_id\"\nat_s = 1\n";
   const auto [rig, text, words, expected] =
       GENERATE_COPY(table<std::string, std::string, std::vector<std::string>, std::string>({
           {"bizone.toml", frame, {"--can", "can0"}, "cangw"},
           {"bizone.toml", frame, {"--can", "slcan:/dev/ttyACM0@500000"}, "behind an adapter"},
           {"bizone.toml", timed + wire, {"--can", "vcan0"}, "the kernel carries the frames"},
+          {"bizone.toml", twin, {"--can", "vcan0"}, "the kernel carries the frames"},
           {"bizone.toml", timed + wire + "[controller]\nexternal = true\n", {}, "the controller is external"},
           {"bizone.toml", clock, {"--pace", "realtime"}, "the clock of this machine"},
           {"bizone_serial.toml", line, {"--pace", "realtime", "--line", "dosing=/dev/ttyS9"}, "/dev/ttyS9"},
