@@ -9,7 +9,8 @@
 namespace meltbench::cli {
 void print_log_warnings(const log::LogReader& reader, const std::filesystem::path& path) {
   for (const log::LogWarning& warning : reader.warnings()) {
-    fmt::print(stderr, "warning: {}:{}: {}\n", path.string(), warning.line, warning.text);
+    const std::string place = warning.line == 0 ? "" : fmt::format(":{}", warning.line);
+    fmt::print(stderr, "warning: {}{}: {}\n", path.string(), place, warning.text);
   }
   if (reader.warning_count() > reader.warnings().size()) {
     fmt::print(stderr, "warning: and {} more\n", reader.warning_count() - reader.warnings().size());

@@ -88,12 +88,14 @@ bool AscReader::read(LogEntry& entry) {
   std::string_view line;
   while (lines_.next(line)) {
     if (read_header(line)) continue;
+    bool is_frame = false;
     try {
-      if (read_event(line, entry)) return true;
+      is_frame = read_event(line, entry);
     } catch (const LogError&) {
       if (!lines_.is_torn()) throw;
-      warn("the last line is cut off; it is left out");
     }
+    if (lines_.is_torn()) warn(std::string{is_frame ? kNoEnd : kCutOff});
+    if (is_frame) return true;
   }
   return false;
 }

@@ -13,7 +13,7 @@ namespace meltbench::log {
 class AscReader final : public LogReader {
  public:
   explicit AscReader(std::unique_ptr<ByteSource> source)
-      : LogReader{LogFormat::kAsc}, source_{std::move(source)}, lines_{*source_} {}
+      : LogReader{LogFormat::kAsc, std::move(source)}, lines_{*source_} {}
 
   [[nodiscard]] std::uint64_t line() const override { return lines_.number(); }
 
@@ -28,7 +28,6 @@ class AscReader final : public LogReader {
   void set_channel(std::string_view word, LogEntry& entry);
   [[noreturn]] void refuse(std::string_view why) const;
 
-  std::unique_ptr<ByteSource> source_;
   TextLines lines_;
   int base_ = 16;
   bool relative_ = false;  ///< Each stamp counts from the one before.

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstddef>
 #include <cstring>
 
 #include "bench/log/log_error.hpp"
@@ -35,7 +36,7 @@ std::optional<Instant> to_instant(const blf::SystemTime& time) {
 
 }  // namespace
 
-BlfReader::BlfReader(std::unique_ptr<ByteSource> source) : LogReader{LogFormat::kBlf}, source_{std::move(source)} {
+BlfReader::BlfReader(std::unique_ptr<ByteSource> source) : LogReader{LogFormat::kBlf, std::move(source)} {
   blf::FileHeader header;
   if (take_file_bytes(&header, sizeof header) != sizeof header) refuse("the file's header is cut off");
   if (header.signature != blf::FileHeader{}.signature || header.header_size < sizeof header ||
@@ -43,6 +44,7 @@ BlfReader::BlfReader(std::unique_ptr<ByteSource> source) : LogReader{LogFormat::
     refuse("the file's header is none");
   }
   start_ = to_instant(header.start).value_or(Instant{});
+  file_size_ = header.file_size;
 }
 
 std::size_t BlfReader::take_file_bytes(void* to, std::size_t count) {
@@ -52,6 +54,7 @@ std::size_t BlfReader::take_file_bytes(void* to, std::size_t count) {
     if (some == 0) break;
     taken += some;
   }
+  taken_ += taken;
   return taken;
 }
 
@@ -86,7 +89,10 @@ bool BlfReader::read(LogEntry& entry) {
 bool BlfReader::load_container() {
   blf::ObjectHeader header;
   const std::size_t taken = take_file_bytes(&header, sizeof header);
-  if (taken == 0) return false;
+  if (taken == 0) {
+    if (taken_ < file_size_) warn(fmt::format("the file is cut off: {} of {} bytes are here", taken_, file_size_));
+    return false;
+  }
   if (taken < sizeof header) {
     warn("the last container is cut off; it is left out");
     return false;
@@ -149,6 +155,7 @@ bool BlfReader::read_frame(std::uint32_t type, std::span<const char> body, LogEn
   switch (type) {
     case blf::kCanMessage:
     case blf::kCanMessage2: {
+      if (body.size() < sizeof(blf::CanMessage)) refuse("a frame without its data");
       const auto message = view<blf::CanMessage>(body);
       set_frame(entry, message.channel, message.id, (message.flags & blf::kSent) != 0);
       if ((message.flags & blf::kRemote) != 0) frame.kind = can::FrameKind::kRemote;
@@ -158,6 +165,7 @@ bool BlfReader::read_frame(std::uint32_t type, std::span<const char> body, LogEn
       return true;
     }
     case blf::kCanErrorExt: {
+      if (body.size() < sizeof(blf::CanErrorExt)) refuse("an error frame without its data");
       const auto error = view<blf::CanErrorExt>(body);
       entry.channel = channel_number(fmt::format("{}", error.channel));
       frame.kind = can::FrameKind::kError;
@@ -168,6 +176,7 @@ bool BlfReader::read_frame(std::uint32_t type, std::span<const char> body, LogEn
     }
     case blf::kCanFdMessage: {
       const auto message = view<blf::CanFdMessage>(body);
+      if (body.size() < offsetof(blf::CanFdMessage, data) + message.length) refuse("an FD frame without its data");
       set_frame(entry, message.channel, message.id, (message.flags & blf::kSent) != 0);
       frame.fd = (message.fd_flags & 1U) != 0;
       frame.brs = (message.fd_flags & 2U) != 0;

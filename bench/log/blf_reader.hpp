@@ -29,12 +29,13 @@ class BlfReader final : public LogReader {
   [[noreturn]] void refuse(std::string_view why) const;
 
   static constexpr std::size_t kMaxObject = 1U << 20U;  // Containers have 128 KiB, no object is larger.
-  std::unique_ptr<ByteSource> source_;
   Instant start_{};
   std::vector<char> packed_;
   std::vector<char> plain_;  ///< Unpacked,
   std::size_t next_ = 0;     ///< and what of it has been read.
   std::uint64_t objects_ = 0;
+  std::uint64_t file_size_ = 0;  ///< As the header tells; 0 of a file whose writer was cut off.
+  std::uint64_t taken_ = 0;      ///< Of the file.
 };
 
 }  // namespace meltbench::log

@@ -35,19 +35,23 @@ class FileSource final : public ByteSource {
     const int count = ::gzread(file_, buffer.data(), static_cast<unsigned>(buffer.size()));
     int status = Z_OK;
     const char* why = ::gzerror(file_, &status);
-    // A file that was cut short is read as far as it goes; what is missing shows as half a line.
+    cut_off_ = status == Z_BUF_ERROR;  // Read as far as it goes.
     if (count < 0 || (status != Z_OK && status != Z_BUF_ERROR)) {
-      const std::string reason = status == Z_ERRNO ? std::strerror(errno) : why;
+      std::string_view reason = status == Z_ERRNO ? std::strerror(errno) : why;
+      const std::size_t colon = reason.rfind(": ");  // zlib begins with a name of its own for the file.
+      if (colon != std::string_view::npos) reason.remove_prefix(colon + 2);
       throw LogError{fmt::format("{}: cannot be read: {}", name_, reason), "is the file damaged? try gzip -t on it"};
     }
     return static_cast<std::size_t>(count);
   }
+  [[nodiscard]] bool is_cut_off() const override { return cut_off_; }
   [[nodiscard]] const std::string& name() const override { return name_; }
 
  private:
   static constexpr unsigned kUnpackBuffer = 128 * 1024;
   std::string name_;
   gzFile file_ = nullptr;
+  bool cut_off_ = false;
 };
 
 }  // namespace

@@ -17,6 +17,8 @@ class ByteSource {
   /// Fills the buffer as far as there is something. @returns the count; 0 at the end.
   /// @throws LogError if the file cannot be read or its compression is broken.
   [[nodiscard]] virtual std::size_t read(std::span<char> buffer) = 0;
+  /// Whether the end that read() has found is not the end of what was packed.
+  [[nodiscard]] virtual bool is_cut_off() const { return false; }
   /// For complaints: the path.
   [[nodiscard]] virtual const std::string& name() const = 0;
 };
@@ -44,8 +46,13 @@ class PeekedSource final : public ByteSource {
   static constexpr std::size_t kHeadSize = 64;
   explicit PeekedSource(std::unique_ptr<ByteSource> source);
   /// The first kHeadSize bytes, fewer if there are no more.
-  [[nodiscard]] std::string_view head() const { return head_; }
+  [[nodiscard]] std::string_view head() const { return std::string_view{head_}.substr(given_); }
+  /// Leaves out what the source begins with, if it does.
+  void pass_over(std::string_view mark) {
+    if (head().starts_with(mark)) given_ += mark.size();
+  }
   [[nodiscard]] std::size_t read(std::span<char> buffer) override;
+  [[nodiscard]] bool is_cut_off() const override { return source_->is_cut_off(); }
   [[nodiscard]] const std::string& name() const override { return source_->name(); }
 
  private:

@@ -23,13 +23,14 @@ bool CandumpReader::read(LogEntry& entry) {
                           : parsed.line.direction == 'R' ? Direction::kReceived
                                                          : Direction::kUnknown;
         entry.frame = parsed.line.frame;
+        if (lines_.is_torn()) warn(std::string{kNoEnd});
         return true;
       case can::LogLineKind::kComment:
         read_comment(text);
         break;
       case can::LogLineKind::kBad:
         if (lines_.is_torn()) {
-          warn("the last line is cut off; it is left out");
+          warn(std::string{kCutOff});
           break;
         }
         throw LogError{fmt::format("{}:{}: {}", lines_.place(), parsed.column, parsed.complaint),

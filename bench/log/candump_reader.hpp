@@ -10,7 +10,7 @@ namespace meltbench::log {
 class CandumpReader final : public LogReader {
  public:
   explicit CandumpReader(std::unique_ptr<ByteSource> source)
-      : LogReader{LogFormat::kCandump}, source_{std::move(source)}, lines_{*source_} {}
+      : LogReader{LogFormat::kCandump, std::move(source)}, lines_{*source_} {}
 
   [[nodiscard]] std::uint64_t line() const override { return lines_.number(); }
 
@@ -19,7 +19,6 @@ class CandumpReader final : public LogReader {
   void read_comment(std::string_view text);
   void require_frames() const;
 
-  std::unique_ptr<ByteSource> source_;
   TextLines lines_;
   std::string first_comment_;
 };

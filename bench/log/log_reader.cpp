@@ -26,7 +26,11 @@ LogFormat format_of(std::string_view head) {
 }  // namespace
 
 bool LogReader::next(LogEntry& entry) {
-  if (!read(entry)) return false;
+  if (!read(entry)) {
+    if (!ended_ && source_->is_cut_off()) warn("the packed file is cut off: what comes behind is lost");
+    ended_ = true;
+    return false;
+  }
   ++frames_;
   if (entry.at < latest_) {
     warn(fmt::format("time goes back by {:.6f} s", to_s(latest_ - entry.at)));
@@ -50,6 +54,7 @@ void LogReader::warn(std::string text) {
 
 std::unique_ptr<LogReader> open_log(std::unique_ptr<ByteSource> source) {
   auto peeked = std::make_unique<PeekedSource>(std::move(source));
+  peeked->pass_over("\xEF\xBB\xBF");  // What editors of another system put before UTF-8.
   const LogFormat format = format_of(peeked->head());
   switch (format) {
     case LogFormat::kBlf:

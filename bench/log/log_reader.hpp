@@ -17,7 +17,7 @@ enum class LogFormat : std::uint8_t { kCandump, kAsc, kBlf };
 
 /// Something odd that does not keep the log from being read.
 struct LogWarning {
-  std::uint64_t line = 0;  ///< From 1; of a binary log the number of the object.
+  std::uint64_t line = 0;  ///< From 1; of a binary log the number of the object; 0 before the first.
   std::string text;
 };
 
@@ -49,12 +49,14 @@ class LogReader {
   [[nodiscard]] virtual std::uint64_t line() const = 0;
 
  protected:
-  explicit LogReader(LogFormat format) : format_{format} {}
+  LogReader(LogFormat format, std::unique_ptr<ByteSource> source) : source_{std::move(source)}, format_{format} {}
 
   [[nodiscard]] virtual bool read(LogEntry& entry) = 0;
   [[nodiscard]] std::size_t channel_number(std::string_view name);
   void warn(std::string text);
   void note_dropped(std::uint64_t count) { dropped_ += count; }
+
+  std::unique_ptr<ByteSource> source_;
 
  private:
   static constexpr std::size_t kKeptWarnings = 20;
@@ -64,6 +66,7 @@ class LogReader {
   std::uint64_t frames_ = 0;
   std::uint64_t dropped_ = 0;
   Instant latest_{Nanos::min()};
+  bool ended_ = false;
   std::vector<LogWarning> warnings_;
   std::uint64_t warning_count_ = 0;
 };

@@ -9,6 +9,10 @@
 
 namespace meltbench::log {
 
+/// What is warned of in a last line without an end: it holds a frame, or none.
+inline constexpr std::string_view kNoEnd = "the last line has no end: if it was cut off, so was its frame";
+inline constexpr std::string_view kCutOff = "the last line is cut off; it is left out";
+
 /// The lines of a text, one after the other, in flat memory: 256 KiB however long the text is.
 class TextLines {
  public:

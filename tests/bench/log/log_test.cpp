@@ -147,7 +147,7 @@ TEST_CASE("Logs: candump text of all its versions is read", "[log]") {
       "\n"
       "DROPCOUNT: dropped 12 CAN frames on 'can0' socket (total drops 12)\n"
       "(2.000000) can0 005##3AABB R\n"
-      "(3.000000) can0 20000080#0000000000000000");
+      "(3.000000) can0 20000080#0000000000000000\n");
   REQUIRE(log.entries.size() == 4);
   CHECK(log.entries[0].at == Instant{Nanos{1'000'001'000}});
   CHECK(log.entries[0].frame == can::make_frame(0x123, {0x11, 0x22}));
@@ -184,6 +184,19 @@ TEST_CASE("Logs: what can be lived with is a warning with its line", "[log]") {
   CHECK(torn.warnings[0].line == 2);
   CHECK_THAT(torn.warnings[0].text, Contains("cut off"));
 
+  const Log whole = read_text("(1.000000) can0 123#11\n(2.000000) can0 123#11");  // Or of 123#1122; nobody knows.
+  CHECK(whole.entries.size() == 2);
+  REQUIRE(whole.warnings.size() == 1);
+  CHECK_THAT(whole.warnings[0].text, Contains("has no end"));
+  const Log torn_asc = read_text("base hex timestamps absolute\n 0.1 1 7FF Rx d 1 11\n 0.2 1 7FF ");
+  CHECK(torn_asc.entries.size() == 1);
+  REQUIRE(torn_asc.warnings.size() == 1);
+  CHECK(torn_asc.warnings[0].line == 3);
+
+  const Log marked = read_text("\xEF\xBB\xBF(1.000000) can0 123#11\n");  // As editors of another system save it.
+  CHECK(marked.entries.size() == 1);
+  CHECK(marked.warnings.empty());
+
   const Log back = read_text("(2.000000) can0 123#11\n(1.500000) can0 124#\n");
   CHECK(back.entries.size() == 2);
   REQUIRE(back.warnings.size() == 1);
@@ -204,7 +217,26 @@ TEST_CASE("Logs: a packed log or a BLF that is cut off is read as far as it goes
   const Log log = read_all(open_log(folder / name));
   CHECK(log.entries.size() > entries.size() / 3);
   CHECK(log.entries.size() < entries.size());
-  CHECK(log.warnings.size() == 1);
+  CHECK_FALSE(log.warnings.empty());
+}
+
+TEST_CASE("Logs: a packed log that is cut off at the end of a line, and a BLF behind its header, say so", "[log]") {
+  const test::TemporaryFolder folder;
+  const std::vector<LogEntry> entries = make_random_log(kMarch2026, 2000);
+  write_all(folder / "a.blf", entries);
+  std::filesystem::resize_file(folder / "a.blf", 144);
+  const Log header = read_all(open_log(folder / "a.blf"));
+  CHECK(header.entries.empty());
+  REQUIRE(header.warnings.size() == 1);
+  CHECK_THAT(header.warnings[0].text, Contains("144 of "));
+
+  write_all(folder / "b.log.gz", entries);
+  std::filesystem::resize_file(folder / "b.log.gz",
+                               std::filesystem::file_size(folder / "b.log.gz") - 8);  // Its check sum.
+  const Log packed = read_all(open_log(folder / "b.log.gz"));
+  CHECK(packed.entries.size() == entries.size());
+  REQUIRE(packed.warnings.size() == 1);
+  CHECK_THAT(packed.warnings[0].text, Contains("cut off"));
 }
 
 TEST_CASE("Logs: ASC in decimal numbers, with relative stamps, names and events that are no frames", "[log]") {
