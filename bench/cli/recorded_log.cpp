@@ -49,4 +49,10 @@ bool ChannelLog::next(log::LogEntry& entry) {
   return false;
 }
 
+void ChannelLog::warn_of_other_channels() const {
+  if (reader_->channels().size() < 2) return;
+  fmt::print(stderr, "warning: of the channels {} only {} was looked at; --channel takes another\n",
+             fmt::join(reader_->channels(), ", "), channel_.name());
+}
+
 }  // namespace meltbench::cli

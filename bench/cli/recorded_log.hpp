@@ -27,6 +27,8 @@ class ChannelLog {
 
   /// @returns false at the end. The instant counts from zero(). @throws log::LogError
   [[nodiscard]] bool next(log::LogEntry& entry);
+  /// At the end: tells the user if there were other channels, which were left out.
+  void warn_of_other_channels() const;
   /// What the entries count from: the beginning of the run, or, of a log with dates, its first frame.
   [[nodiscard]] Instant zero() const { return zero_; }
   [[nodiscard]] const log::LogReader& reader() const { return *reader_; }

@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <numeric>
+#include <span>
 
 #include "bench/cli/log_commands.hpp"
 #include "bench/cli/log_page_maker.hpp"
@@ -16,6 +18,7 @@ namespace meltbench::cli {
 namespace {
 
 constexpr std::size_t kLoadsInALine = 10;
+constexpr std::size_t kMostLoads = 300;
 
 void print_frames(ChannelLog& log, const config::Rig& rig) {
   decode::BusView view{rig};
@@ -26,17 +29,31 @@ void print_frames(ChannelLog& log, const config::Rig& rig) {
   }
 }
 
+/// A night's log is not to be a thousand lines of load.
+std::size_t choose_load_span_s(std::size_t seconds) {
+  std::size_t span_s = 1;
+  for (const std::size_t step : {10U, 6U, 10U, 6U, 24U}) {  // 10 s, 1 min, 10 min, 1 h, 1 day
+    if (seconds <= kMostLoads * span_s) break;
+    span_s *= step;
+  }
+  return span_s;
+}
+
 void print_load(const decode::Load& load) {
   if (load.per_second.empty()) return;
   const auto [least, most] = std::ranges::minmax(load.per_second);
   fmt::print("load per second: min {:.1f} %, mean {:.1f} %, max {:.1f} %\n", 100.0F * least, 100.0 * load.mean,
              100.0F * most);
-  for (std::size_t first = 0; first < load.per_second.size(); first += kLoadsInALine) {
-    fmt::print("{:8} s ", first);
-    const std::size_t end = std::min(first + kLoadsInALine, load.per_second.size());
-    for (std::size_t i = first; i < end; ++i) fmt::print(" {:5.1f}", 100.0F * load.per_second[i]);
-    fmt::print("\n");
+  const std::size_t span_s = choose_load_span_s(load.per_second.size());
+  if (span_s > 1) fmt::print("means of {} s each:\n", span_s);
+  for (std::size_t first = 0; first < load.per_second.size(); first += span_s) {
+    if (first % (kLoadsInALine * span_s) == 0) fmt::print("{}{:8} s ", first == 0 ? "" : "\n", first);
+    const std::span seconds = std::span{load.per_second}.subspan(first);
+    const std::span span = seconds.first(std::min(span_s, seconds.size()));
+    const float sum = std::accumulate(span.begin(), span.end(), 0.0F);
+    fmt::print(" {:5.1f}", 100.0F * sum / static_cast<float>(span.size()));
   }
+  fmt::print("\n");
 }
 
 void print_story(ChannelLog& log, const config::Rig& rig) {
@@ -84,6 +101,7 @@ ExitStatus show_log(const ShowRequest& request) {
     print_story(log, run.rig);
   }
   print_log_warnings(log.reader(), path);
+  log.warn_of_other_channels();
   return ExitStatus::kHeld;
 }
 

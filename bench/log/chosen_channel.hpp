@@ -12,6 +12,8 @@ class ChosenChannel {
   /// @param name  empty: the channel of the first frame.
   explicit ChosenChannel(std::string name) : name_{std::move(name)} {}
 
+  /// As asked for, or that of the first frame once there was one.
+  [[nodiscard]] const std::string& name() const { return name_; }
   /// Whether an entry that the log has just given is of that channel.
   [[nodiscard]] bool takes(const LogReader& log, const LogEntry& entry);
   /// To be asked at the log's end. @throws LogError telling which channels there are, if this is none of them.

@@ -69,7 +69,7 @@ TEST_CASE("Bad usage: files that are not there, paces that do not exist, buses t
       {{"convert", log, "/proc/x.mp3"}, "NAME.log"},
       {{"convert", log, "/proc/x.blf.gz"}, "leave .gz away"},
       {{"show", "nowhere.log"}, "nowhere.log: No such file"},
-      {{"show", log, "--scenario", scenario_file("set_point_step"), "--channel", "can7"}, "it has bench"},
+      {{"show", log, "--scenario", scenario_file("set_point_step"), "--channel", "can7"}, "it has "},
       {std::vector<std::string>{}, "subcommand"},
   }));
   const TemporaryFolder folder;

@@ -40,3 +40,16 @@ TEST_CASE("Show: the page has no frames in it, and says so before anything is wr
   CHECK(result.status == 2);
   CHECK_FALSE(std::filesystem::exists(folder / "night.html"));
 }
+
+TEST_CASE("Show: a night's load is told in means, and channels that nobody asked for are named", "[scenario]") {
+  const TemporaryFolder folder;
+  std::ofstream log{folder / "night.log"};
+  for (int second = 0; second < 3600; ++second) log << "(" << second << ".000000) can0 701#05\n";
+  log << "(3600.000000) can1 701#05\n";
+  log.close();
+  const BenchResult shown = run_bench({"show", folder / "night.log", "--scenario", scenario_file("set_point_step")});
+  INFO(shown.output);
+  CHECK(shown.status == 0);
+  CHECK_THAT(shown.output, Contains("means of 60 s each") && Contains("\n    3000 s"));
+  CHECK_THAT(shown.output, Contains("can0, can1 only can0 was looked at"));
+}
