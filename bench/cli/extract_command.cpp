@@ -10,9 +10,12 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "bench/cli/diagnosis.hpp"
 #include "bench/cli/log_commands.hpp"
+#include "bench/cli/minimise.hpp"
 #include "bench/cli/recorded_log.hpp"
-#include "bench/decode/extraction.hpp"
+#include "bench/decode/line_trouble.hpp"
+#include "bench/log/serial_log.hpp"
 #include "protocols/config/toml.hpp"
 
 namespace meltbench::cli {
@@ -59,6 +62,16 @@ Table make_head(const scenario::ResolvedRun& run, const Table& settings, const E
   return head;
 }
 
+/// [bus] of the settings, taking its bits if some fault needs that.
+void make_bit_timed(Table& tree, std::optional<Nanos> restart_after, const config::Rig& rig) {
+  if (rig.bus.fidelity == config::BusFidelity::kBitTimed) return;
+  Table bus, over;
+  set(bus, "fidelity", std::string{"bit-timed"});
+  if (restart_after && !rig.bus.restart_after) set(bus, "restart_ms", to_s(*restart_after) * 1e3);
+  set(over, "bus", std::move(bus));
+  merge(tree, over);
+}
+
 /// Everything of the settings but what the log replaces; events after its end cannot happen.
 Table make_scenario(const scenario::ResolvedRun& run, const ExtractRequest& request, decode::Extraction found,
                     Instant end) {
@@ -69,6 +82,7 @@ Table make_scenario(const scenario::ResolvedRun& run, const ExtractRequest& requ
   for (const config::Entry& entry : settings.entries()) {
     if (std::ranges::find(kReplaced, entry.key) == kReplaced.end() && entry.key != "event") tree.set(entry);
   }
+  if (found.needs_bit_timed) make_bit_timed(tree, found.restart_after, run.rig);
   Array events;
   for (const config::TimelineEvent& event : run.events) {
     if (event.at < end) events.push_back(Value{event.section.table(), {}});
@@ -84,31 +98,190 @@ Table make_scenario(const scenario::ResolvedRun& run, const ExtractRequest& requ
   return tree;
 }
 
+/// What went over the serial lines of the rig meanwhile.
+std::vector<decode::LineReport> read_lines(const ExtractRequest& request, const std::filesystem::path& log,
+                                           const config::Rig& rig, Instant zero) {
+  std::filesystem::path path = request.serial;
+  if (path.empty()) path = log.parent_path() / "serial.log";
+  if (rig.lines.empty() || (request.serial.empty() && !std::filesystem::exists(path))) return {};
+  const std::unique_ptr<log::ByteSource> source = log::open_file(path);
+  log::SerialLogReader reader{*source};
+  decode::LineListener listener{rig};
+  log::SerialEntry entry;
+  while (reader.next(entry)) {
+    const bool has_date = entry.at >= zero;
+    listener.take(has_date ? Instant{entry.at - zero} : entry.at, entry.line, entry.sender, entry.bytes);
+  }
+  return listener.finish();
+}
+
+/// What a recording becomes.
+class Maker {
+ public:
+  Maker(const ExtractRequest& request, std::filesystem::path log)
+      : request_{request}, path_{std::move(log)}, run_{load_run_of(request.scenario, path_)}, traces_{run_.rig} {}
+
+  ExitStatus make() {
+    read();
+    loop_.emplace(run_, end_);
+    if (found_.needs_bit_timed) loop_->take_bit_timed_bus(found_.restart_after);
+    leave_out_unknown();
+    if (loop_->is_possible()) {
+      look_for_silent_faults();
+      name_babbler();
+      if (request_.minimise) leave_out_needless();
+      compare();
+    } else if (request_.minimise) {
+      throw std::invalid_argument{"--minimise runs the machine in memory: nothing of it may be real or external"};
+    }
+    if (found_.is_unexplained) {
+      found_.notes.push_back(fmt::format("{:.6f} s: why the controller went to its safe state", to_s(*safe_at())));
+    }
+    write();
+    return ExitStatus::kHeld;
+  }
+
+ private:
+  void read() {
+    ChannelLog log{path_, request_.channel};
+    decode::Story story{run_.rig};
+    log::LogEntry entry;
+    while (log.next(entry)) {
+      story.take(entry.at, entry.frame);
+      traces_.take(entry.at, entry.frame);
+    }
+    story.finish();
+    print_log_warnings(log.reader(), path_);
+    end_ = story.end();
+    found_ = decode::extract(story.findings(), end_, run_.rig);
+    const std::vector<decode::LineReport> lines = read_lines(request_, path_, run_.rig, log.zero());
+    for (const decode::LineReport& line : lines) {
+      if (line.garbled == 0) continue;
+      fmt::print("line {}: {} pieces garbled, as {:.2g} % wrong bytes would\n", line.line, line.garbled,
+                 line.byte_share * 100.0);
+    }
+    decode::add_line_faults(found_, lines, end_);
+  }
+
+  /// What this program has no fault for, or this machine.
+  void leave_out_unknown() {
+    std::erase_if(found_.faults, [&](const Table& fault) {
+      if (loop_->knows(fault)) return false;
+      found_.notes.push_back(fmt::format("{}: there is no such fault", describe_fault(fault)));
+      return true;
+    });
+  }
+
+  [[nodiscard]] std::optional<Instant> safe_at() const {
+    const auto found = std::ranges::find(found_.reactions, decode::Reaction::Kind::kSafeState, &decode::Reaction::kind);
+    return found == found_.reactions.end() ? std::nullopt : std::optional{found->at};
+  }
+
+  void look_for_silent_faults() {
+    Diagnosis diagnosis = diagnose(*loop_, traces_, found_.faults, safe_at());
+    if (!diagnosis.text.empty() && !diagnosis.fault) found_.notes.push_back(std::move(diagnosis.text));
+    if (!diagnosis.fault) return;
+    fmt::print("{}\n", diagnosis.text);
+    found_.faults.push_back(std::move(*diagnosis.fault));
+    found_.checks.push_back(std::move(*diagnosis.check));
+    found_.is_unexplained = false;
+  }
+
+  [[nodiscard]] std::string difference(const std::vector<Table>& faults) {
+    return decode::describe_difference(found_.reactions, loop_->run(faults).reactions, run_.rig);
+  }
+
+  /// Frames do not say who sends them: of all boards the one with which the reactions are the same.
+  void name_babbler() {
+    const auto babbles = [](const Table& fault) {
+      return fault.find("kind")->value == Value{std::string{"babble"}, {}};
+    };
+    const auto found = std::ranges::find_if(found_.faults, babbles);
+    if (found == found_.faults.end() || difference(found_.faults).empty()) return;
+    std::vector<Table> faults = found_.faults;
+    Table& fault = faults[static_cast<std::size_t>(found - found_.faults.begin())];
+    for (const config::RigBoard& board : run_.rig.boards) {
+      if (board.is_on_line()) continue;
+      set(fault, "target", "bus." + board.name);
+      if (!difference(faults).empty()) continue;
+      found_.faults = std::move(faults);
+      return;
+    }
+  }
+
+  /// What must still show: the controller's safe state, or, without one, all that the log shows.
+  [[nodiscard]] std::vector<decode::Reaction> failure(std::span<const decode::Reaction> reactions) const {
+    std::vector<decode::Reaction> kept{reactions.begin(), reactions.end()};
+    if (safe_at()) {
+      std::erase_if(kept, [](const auto& reaction) { return reaction.kind != decode::Reaction::Kind::kSafeState; });
+    }
+    return kept;
+  }
+
+  void leave_out_needless() {
+    const std::vector<decode::Reaction> wanted = failure(found_.reactions);
+    const auto still_fails = [&](const std::vector<Table>& faults) {
+      return decode::describe_difference(wanted, failure(loop_->run(faults).reactions), run_.rig).empty();
+    };
+    if (wanted.empty() || !still_fails(found_.faults)) {
+      fmt::print("not minimised: {}\n", wanted.empty() ? "the log shows no reaction that could be lost"
+                                                       : "the faults do not repeat the failure");
+      return;
+    }
+    Minimised least = minimise(std::move(found_.faults), still_fails);
+    for (const Table& fault : least.dropped) fmt::print("needless: {}\n", describe_fault(fault));
+    for (const Table& fault : least.shortened) fmt::print("shorter than: {}\n", describe_fault(fault));
+    fmt::print("{} of {} faults are left after {} runs\n", least.faults.size(),
+               least.faults.size() + least.dropped.size(), least.runs);
+    found_.faults = std::move(least.faults);
+    found_.reactions = decode::find_repeated(found_.reactions, loop_->run(found_.faults).reactions);
+    found_.checks = decode::make_checks(found_.reactions, run_.rig, found_.needs_bit_timed);
+  }
+
+  /// Says whether the scenario will do what the log shows, and lists what its health gate has to expect.
+  void compare() {
+    const ClosedLoopResult again = loop_->run(found_.faults);
+    const std::string different = decode::describe_difference(found_.reactions, again.reactions, run_.rig);
+    const std::size_t count = found_.reactions.size();
+    if (!different.empty()) {
+      fmt::print("run closed loop: {}\n", different);
+    } else {
+      fmt::print("run closed loop: the same {} reaction{}, each within {} ms\n", count, count == 1 ? "" : "s",
+                 decode::kReactionTolerance / 1ms);
+    }
+    found_.expect.insert(found_.expect.end(), again.complaints.begin(), again.complaints.end());
+    std::ranges::sort(found_.expect);
+    const auto repeated = std::ranges::unique(found_.expect);
+    found_.expect.erase(repeated.begin(), repeated.end());
+  }
+
+  void write() {
+    for (const std::string& note : found_.notes) fmt::print("not in the scenario: {}\n", note);
+    fmt::print("{} fault{}, {} check{}: {}\n", found_.faults.size(), found_.faults.size() == 1 ? "" : "s",
+               found_.checks.size(), found_.checks.size() == 1 ? "" : "s", request_.out.string());
+    std::string text = fmt::format("# Made by \"meltbench extract\" of {}\n", path_.filename().string());
+    for (const std::string& note : found_.notes) text += fmt::format("# not in here: {}\n", note);
+    text += '\n';
+    text += config::write_toml(make_scenario(run_, request_, std::move(found_), end_));
+    std::ofstream file{request_.out};
+    if (!(file << text) || !file.flush()) {
+      throw std::system_error{errno, std::generic_category(), request_.out.string()};
+    }
+  }
+
+  const ExtractRequest& request_;
+  std::filesystem::path path_;
+  scenario::ResolvedRun run_;
+  decode::Traces traces_;
+  Instant end_{};
+  decode::Extraction found_;
+  std::optional<ClosedLoop> loop_;
+};
+
 }  // namespace
 
 ExitStatus extract_scenario(const ExtractRequest& request) {
-  const std::filesystem::path path = find_log(request.log);
-  const scenario::ResolvedRun run = load_run_of(request.scenario, path);
-  ChannelLog log{path, request.channel};
-  decode::Story story{run.rig};
-  log::LogEntry entry;
-  while (log.next(entry)) story.take(entry.at, entry.frame);
-  story.finish();
-  print_log_warnings(log.reader(), path);
-
-  decode::Extraction found = decode::extract(story.findings(), story.end(), run.rig);
-  for (const std::string& note : found.notes) fmt::print("not in the scenario: {}\n", note);
-  fmt::print("{} fault{}, {} check{}: {}\n", found.faults.size(), found.faults.size() == 1 ? "" : "s",
-             found.checks.size(), found.checks.size() == 1 ? "" : "s", request.out.string());
-  std::string text = fmt::format("# Made by \"meltbench extract\" of {}\n", path.filename().string());
-  for (const std::string& note : found.notes) text += fmt::format("# not in here: {}\n", note);
-  text += '\n';
-  text += config::write_toml(make_scenario(run, request, std::move(found), story.end()));
-  std::ofstream file{request.out};
-  if (!(file << text) || !file.flush()) {
-    throw std::system_error{errno, std::generic_category(), request.out.string()};
-  }
-  return ExitStatus::kHeld;
+  return Maker{request, find_log(request.log)}.make();
 }
 
 }  // namespace meltbench::cli

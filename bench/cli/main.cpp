@@ -166,7 +166,11 @@ void add_extract_command(CLI::App& app, cli::ExtractRequest& request) {
   extract->add_option("log", request.log, "A log (candump, ASC, BLF, gzip), or a run's folder")->required();
   extract->add_option("--scenario", request.scenario, "Rig and settings  (default: repro.toml beside the log)");
   extract->add_option("--channel", request.channel, "Channel of the log  (default: that of the first frame)");
+  extract->add_option("--serial", request.serial,
+                      "What went over serial lines meanwhile  (default: serial.log beside the log)");
   extract->add_option("-o,--out", request.out, "The scenario to write")->required();
+  extract->add_flag("--minimise", request.minimise,
+                    "Leave faults out as long as the controller still fails as recorded");
   extract->footer(
       "Example: meltbench extract night.log --scenario fixtures/scenarios/coupled_start_up.toml -o night.toml\n"
       "         meltbench run night.toml");

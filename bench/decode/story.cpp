@@ -18,11 +18,14 @@ constexpr Nanos kRow = 1s;                    // Equal things closer than this a
 constexpr Nanos kSetPointRow = 500ms;         // Changes of a set point closer than this are one finding.
 constexpr double kSmallChange = 0.02;         // Of the value: a loop at work,
 constexpr Nanos kSmallChangeRow = 10s;        // whose changes may be so far apart.
+constexpr unsigned kMoves = 10;               // A set point that changes in so many frames in a row moves.
 constexpr Nanos kResetTakes = 2s;             // A boot-up so soon after the master's reset is its effect.
 constexpr Nanos kAnswerWithin = 1s;           // An SDO server that has not answered by then does not.
 constexpr std::size_t kMaxSeconds = 1 << 22;  // Of load: 48 days.
 constexpr double kLeastSecond = 0.5;          // A shorter rest at the end says nothing about the load.
 constexpr std::uint16_t kInputStatus = 0x6150;
+constexpr std::uint32_t kErrorClasses = 0xFFF;  // Of an error frame's identifier that say what it was.
+constexpr std::uint32_t kDestroyed = CAN_ERR_PROT | CAN_ERR_BUSERROR | CAN_ERR_ACK;
 
 /// Median of the gaps, if they are alike; one odd one among five is forgiven on either side.
 std::optional<std::int64_t> regular_period(std::array<std::int64_t, 5> gaps) {
@@ -95,6 +98,9 @@ void Story::take(Instant at, const can::CanFrame& frame) {
   ++frames_;
   if (frame.kind == can::FrameKind::kError) return on_error(frame);
   add_load(frame);
+  if (error_row_ != kNone && !came_through_) findings_[error_row_].after = to_s(now_ - *findings_[error_row_].until);
+  came_through_ = true;
+  last_frame_ = now_;
   if (frame.extended || frame.kind != can::FrameKind::kData) return on_unknown(frame);
   view_.take(frame);
   const FrameMeaning meaning = view_.meaning_of(frame);
@@ -125,7 +131,18 @@ void Story::take(Instant at, const can::CanFrame& frame) {
 
 void Story::on_nmt(const can::CanFrame& frame) {
   if (frame.length < 2) return;
-  add({.kind = FindingKind::kNmt, .at = now_, .id = frame.id, .text = view_.describe(frame)});
+  const auto order = static_cast<std::uint16_t>(frame.bytes[0] << 8U | frame.bytes[1]);
+  if (nmt_ != kNone && findings_[nmt_].code == order && now_ - *findings_[nmt_].until <= kRow) {
+    ++findings_[nmt_].count;
+    findings_[nmt_].until = now_;
+  } else {
+    open(nmt_, {.kind = FindingKind::kNmt,
+                .at = now_,
+                .until = now_,
+                .id = frame.id,
+                .code = order,
+                .text = view_.describe(frame)});
+  }
   const auto command = static_cast<canopen::NmtCommand>(frame.bytes[0]);
   const bool is_reset =
       command == canopen::NmtCommand::kResetNode || command == canopen::NmtCommand::kResetCommunication;
@@ -251,15 +268,21 @@ void Story::on_set_points(const FrameMeaning& meaning, const can::CanFrame& fram
   for (const DecodedValue& value : view_.values_of(frame)) {
     const auto [place, is_first] = values_.try_emplace(value_key(frame.id, value.address));
     Value& known = place->second;
-    if (!is_first && known.last == value.value) continue;
+    if (!is_first && known.last == value.value) {
+      known.in_a_row = 0;
+      continue;
+    }
     const double before = is_first ? value.value : known.last;
     known.last = value.value;
+    ++known.in_a_row;
+    const auto moves = static_cast<std::uint16_t>(known.in_a_row >= kMoves ? 1 : 0);
     if (known.finding != kNone) {
       Finding& row = findings_[known.finding];
       const bool is_small = std::abs(value.value - before) <= kSmallChange * std::abs(before);
       if (now_ - *row.until <= (is_small ? kSmallChangeRow : kSetPointRow)) {
         ++row.count;
         row.until = now_;
+        row.code = moves;
         row.after = value.value;
         continue;
       }
@@ -303,36 +326,43 @@ void Story::follow_cycle(const FrameMeaning& meaning, std::uint32_t id) {
   const auto [place, is_first] = cycles_.try_emplace(id);
   Cycle& cycle = place->second;
   cycle.node = meaning.node;
-  const Nanos gap = is_first || cycle.seen == 0 ? Nanos{0} : now_ - cycle.last;
-  if (cycle.seen++ > 0) {
-    tell_gap(cycle, id, now_);
+  if (cycle.seen > 0) {
+    const Nanos gap = now_ - cycle.last;
     const auto period = cycle.seen > cycle.gaps_ns.size() ? regular_period(cycle.gaps_ns) : std::nullopt;
-    const bool has_own_time = meaning.service == Service::kSync || meaning.service == Service::kHeartbeat;
-    if (has_own_time && period && 5 * gap.count() < 2 * *period) {
-      if (cycle.early != kNone && now_ - *findings_[cycle.early].until <= kRow) {
-        ++findings_[cycle.early].count;
-        findings_[cycle.early].until = now_;
-      } else {
-        const std::string who = meaning.service == Service::kSync ? "SYNC" : view_.name_of(meaning.node) + " heartbeat";
-        open(cycle.early, {.kind = FindingKind::kTooOften,
-                           .at = now_,
-                           .until = now_,
-                           .node = meaning.node,
-                           .id = id,
-                           .text = fmt::format("{} comes too often, {:.6g} ms after the one before: two senders?", who,
-                                               to_s(gap) * 1e3)});
-      }
-    }
+    if (period && 5 * gap.count() < 2 * *period) return take_early(cycle, meaning, id, gap);
+    if (tell_gap(cycle, id, now_)) cycle.back_at = now_;
     cycle.gaps_ns[cycle.seen % cycle.gaps_ns.size()] = gap.count();
   }
+  ++cycle.seen;
   cycle.last = now_;
 }
 
-void Story::tell_gap(Cycle& cycle, std::uint32_t id, std::optional<Instant> until) {
-  if (cycle.seen <= cycle.gaps_ns.size() + 1) return;
+/// A frame that comes much too early is none of the row that is followed: it teaches nothing, unless it is the row that
+/// has changed. What had to wait while the bus was dead comes at once, and is no second sender.
+void Story::take_early(Cycle& cycle, const FrameMeaning& meaning, std::uint32_t id, Nanos gap) {
+  const bool has_own_time = meaning.service == Service::kSync || meaning.service == Service::kHeartbeat;
+  if (!has_own_time || now_ - cycle.back_at <= kRow) return;
+  if (cycle.early != kNone && now_ - *findings_[cycle.early].until <= kRow) {
+    ++findings_[cycle.early].count;
+    findings_[cycle.early].until = now_;
+    return;
+  }
+  const std::string who = meaning.service == Service::kSync ? "SYNC" : view_.name_of(meaning.node) + " heartbeat";
+  open(cycle.early,
+       {.kind = FindingKind::kTooOften,
+        .at = now_,
+        .until = now_,
+        .node = meaning.node,
+        .id = id,
+        .text = fmt::format("{} comes too often, {:.6g} ms after the one before: two senders?", who, to_s(gap) * 1e3)});
+}
+
+/// @returns whether there was one.
+bool Story::tell_gap(Cycle& cycle, std::uint32_t id, std::optional<Instant> until) {
+  if (cycle.seen <= cycle.gaps_ns.size()) return false;
   const auto period = regular_period(cycle.gaps_ns);
   const Nanos gap = until.value_or(now_) - cycle.last;
-  if (!period || static_cast<double>(gap.count()) <= kGapPeriods * static_cast<double>(*period)) return;
+  if (!period || static_cast<double>(gap.count()) <= kGapPeriods * static_cast<double>(*period)) return false;
   can::CanFrame sample;
   sample.id = id;
   const FrameMeaning meaning = view_.meaning_of(sample);
@@ -347,6 +377,7 @@ void Story::tell_gap(Cycle& cycle, std::uint32_t id, std::optional<Instant> unti
        .id = id,
        .before = to_s(Nanos{*period}),
        .text = std::move(what)});
+  return true;
 }
 
 /// What a node does after a reset, or as a state allows, says nothing about before.
@@ -381,23 +412,44 @@ void Story::on_unknown(const can::CanFrame& frame) {
 
 void Story::on_error(const can::CanFrame& frame) {
   const auto tell = [&](std::uint16_t code, std::string_view text) {
-    add({.kind = FindingKind::kErrorState, .at = now_, .id = frame.id, .code = code, .text = std::string{text}});
+    std::size_t& row = states_.at(code);
+    if (row != kNone && now_ - *findings_[row].until <= kRow) {
+      ++findings_[row].count;
+      findings_[row].until = now_;
+      return;
+    }
+    open(row, {.kind = FindingKind::kErrorState,
+               .at = now_,
+               .until = now_,
+               .id = frame.id,
+               .code = code,
+               .text = std::string{text}});
   };
   if ((frame.id & CAN_ERR_BUSOFF) != 0) return tell(1, "bus-off");
   if ((frame.id & CAN_ERR_RESTARTED) != 0) return tell(2, "restarted after bus-off");
   if ((frame.id & CAN_ERR_CRTL) != 0 && (frame.bytes[1] & (CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE)) != 0) {
     return tell(3, "error-passive");
   }
-  if (errors_ != kNone && findings_[errors_].id == frame.id && now_ - *findings_[errors_].until <= kRow) {
-    ++findings_[errors_].count;
-    findings_[errors_].until = now_;
-    return;
+  const bool came_between = came_through_ && error_row_ != kNone && now_ - *findings_[error_row_].until <= kRow;
+  std::size_t& row = errors_.try_emplace(frame.id & kErrorClasses, kNone).first->second;
+  if (row != kNone && now_ - *findings_[row].until <= kRow) {
+    ++findings_[row].count;
+    findings_[row].until = now_;
+  } else {
+    open(row, {.kind = FindingKind::kErrorFrames,
+               .at = now_,
+               .until = now_,
+               .id = frame.id,
+               .before = to_s(now_ - last_frame_),
+               .text = fmt::format("error frame: {}", describe_error_class(frame.id))});
   }
-  open(errors_, {.kind = FindingKind::kErrorFrames,
-                 .at = now_,
-                 .until = now_,
-                 .id = frame.id,
-                 .text = fmt::format("error frame: {}", describe_error_class(frame.id))});
+  if (row == kNone) return;
+  // No receiver of a healthy wire sees a dominant bit that it sends come back as recessive.
+  const bool has_lost_bit = (frame.id & CAN_ERR_PROT) != 0 && (frame.bytes[2] & CAN_ERR_PROT_BIT0) != 0;
+  findings_[row].code |= static_cast<std::uint16_t>((has_lost_bit ? 1 : 0) | (came_between ? 2 : 0));
+  if ((frame.id & kDestroyed) == 0) return;  // A counter has risen.
+  error_row_ = row;
+  came_through_ = false;
 }
 
 void Story::add_load(const can::CanFrame& frame) {
@@ -431,36 +483,36 @@ void Story::finish() {
   if (now_ > Instant{}) load_.mean = static_cast<double>(total) / static_cast<double>(now_.since_start.count());
 }
 
-/// Frames are not missed of a node that is silent, nor answers to a SYNC that does not come.
+/// Frames are not missed of a node that is silent, nor answers to a SYNC that does not come. The silences of one node
+/// follow one another, so each gap finds the one that it may belong to by its time.
 void Story::absorb_gaps() {
-  const auto overlaps = [this](const Finding& one, const Finding& other) {
-    return one.at <= other.until.value_or(now_) && other.at <= one.until.value_or(now_);
-  };
-  std::vector<Finding> causes;
+  const auto end_of = [this](const Finding& finding) { return finding.until.value_or(now_); };
+  std::array<std::vector<std::size_t>, 128> silences;  // By node; 0: of SYNC.
   for (std::size_t i = 0; i < findings_.size(); ++i) {
     const Finding& finding = findings_[i];
     const bool is_sync = finding.kind == FindingKind::kGap && finding.node == 0;
-    if (finding.kind != FindingKind::kHeartbeatLost && !is_sync) continue;
-    causes.push_back(finding);
+    if (finding.kind == FindingKind::kHeartbeatLost || is_sync) silences[finding.node].push_back(i);
   }
-  std::erase_if(findings_, [&](const Finding& gap) {
-    if (gap.kind != FindingKind::kGap || gap.node == 0) return false;
-    for (Finding& cause : causes) {
-      if ((cause.node != gap.node && cause.node != 0) || !overlaps(cause, gap)) continue;
-      if (cause.kind == FindingKind::kHeartbeatLost) {
-        cause.code = 1;
-        cause.at = std::max(cause.at, gap.at);
-      }
-      return true;
-    }
-    return false;
-  });
-  // Erasing kept the order; the causes themselves are all still there.
-  auto cause = causes.begin();
-  for (Finding& finding : findings_) {
-    const bool is_sync = finding.kind == FindingKind::kGap && finding.node == 0;
-    if (finding.kind == FindingKind::kHeartbeatLost || is_sync) finding = std::move(*cause++);
+  for (std::vector<std::size_t>& one : silences) {
+    std::ranges::sort(one, {}, [&](std::size_t i) { return end_of(findings_[i]); });
   }
+  const auto find = [&](const Finding& gap, std::uint8_t node) -> Finding* {
+    const auto& list = silences[node];
+    const auto place = std::ranges::lower_bound(list, gap.at, {}, [&](std::size_t i) { return end_of(findings_[i]); });
+    return place == list.end() || findings_[*place].at > end_of(gap) ? nullptr : &findings_[*place];
+  };
+  std::vector<bool> absorbed(findings_.size());
+  for (std::size_t i = 0; i < findings_.size(); ++i) {
+    const Finding& gap = findings_[i];
+    if (gap.kind != FindingKind::kGap || gap.node == 0) continue;
+    Finding* const silence = find(gap, gap.node);
+    absorbed[i] = silence != nullptr || find(gap, 0) != nullptr;
+    if (silence == nullptr) continue;
+    silence->code = 1;
+    silence->at = std::max(silence->at, gap.at);
+  }
+  std::size_t number = 0;
+  std::erase_if(findings_, [&](const Finding&) { return absorbed[number++]; });
 }
 
 void Story::word(Finding& finding) const {

@@ -16,19 +16,21 @@ namespace meltbench::decode {
 
 enum class FindingKind : std::uint8_t {
   kBoot,           ///< A boot-up message. `code` 1: nobody had asked for it.
-  kNmt,            ///< A command of the master.
+  kNmt,            ///< A command of the master; equal ones in a row are one. `code`: command * 256 + node.
   kState,          ///< A heartbeat shows another NMT state.
   kHeartbeatLost,  ///< `at` is the last one before, `until` the next. `code` 1: nothing else came of the node either.
   kEmcy,           ///< `code`; equal ones in a row are one finding.
   kSdo,            ///< A group of dialogues with one node.
   kSdoFailed,      ///< Aborted, or no answer.
   kSetPoint,       ///< A value that the controller sends changes: `before`, `after`; changes in a row are one finding.
-  kInvalid,   ///< A board says that a measurement is not valid, until it is again. `code` is the status of CiA 404.
-  kGap,       ///< A regular frame stays away: `at` is the last one before, `until` the next.
-  kTooOften,  ///< A regular frame comes again much too early: two senders?
-  kErrorFrames,
-  kErrorState,  ///< Bus-off, restarted, error-passive, as the recording node saw it. `code` 1: bus-off.
-  kUnknown,     ///< Frames of an identifier that nobody of the rig uses.
+                   ///< `code` 1: up to its last change it had changed in every frame.
+  kInvalid,      ///< A board says that a measurement is not valid, until it is again. `code` is the status of CiA 404.
+  kGap,          ///< A regular frame stays away: `at` is the last one before, `until` the next.
+  kTooOften,     ///< A regular frame comes again much too early: two senders?
+  kErrorFrames,  ///< Of one class. `code` bit 0: a dominant bit came back as recessive; bit 1: frames came through
+                 ///< between. `before`, `after`: for how long none had come before it, and none came after it [s].
+  kErrorState,   ///< As the recording node saw it. `code` 1: bus-off, 2: restarted, 3: error-passive.
+  kUnknown,      ///< Frames of an identifier that nobody of the rig uses.
 };
 
 struct Finding {
@@ -78,12 +80,14 @@ class Story {
 
  private:
   static constexpr std::size_t kNone = ~std::size_t{0};
+  static constexpr Nanos kLongAgo{86'400'000'000'000};
   struct Cycle {  ///< Of an identifier.
     Instant last;
     std::array<std::int64_t, 5> gaps_ns{};
     std::uint64_t seen = 0;
     std::uint8_t node = 0;
-    std::size_t early = kNone;  ///< Finding that is open.
+    std::size_t early = kNone;   ///< Finding that is open.
+    Instant back_at{-kLongAgo};  ///< End of the last gap.
   };
   struct Talk {  ///< SDO with one node.
     std::size_t group = kNone;
@@ -91,12 +95,13 @@ class Story {
     Instant asked_at;                      ///< since then.
   };
   struct Value {
+    unsigned in_a_row = 0;  ///< Frames, each with another value.
     double last = 0.0;
     std::size_t finding = kNone;
   };
   struct Node {
     std::uint8_t state = 0xFF;
-    Instant reset_asked{Nanos::min()};
+    Instant reset_asked{-kLongAgo};
     std::size_t emcy = kNone;
     Talk talk;
   };
@@ -112,7 +117,8 @@ class Story {
   void on_error(const can::CanFrame& frame);
   void on_unknown(const can::CanFrame& frame);
   void follow_cycle(const FrameMeaning& meaning, std::uint32_t id);
-  void tell_gap(Cycle& cycle, std::uint32_t id, std::optional<Instant> until);
+  void take_early(Cycle& cycle, const FrameMeaning& meaning, std::uint32_t id, Nanos gap);
+  bool tell_gap(Cycle& cycle, std::uint32_t id, std::optional<Instant> until);
   void forget_cycles(std::uint8_t node, bool with_heartbeat);
   void fail_request(std::uint8_t node, Talk& talk, const std::string& why);
   void add_load(const can::CanFrame& frame);
@@ -133,7 +139,12 @@ class Story {
   std::map<std::uint32_t, Cycle> cycles_;
   std::map<std::uint64_t, Value> values_;  ///< By identifier, index and sub.
   std::map<std::uint32_t, std::size_t> unknown_;
-  std::size_t errors_ = kNone;
+  std::map<std::uint32_t, std::size_t> errors_;                    ///< By class.
+  std::array<std::size_t, 4> states_{kNone, kNone, kNone, kNone};  ///< By code.
+  std::size_t nmt_ = kNone;
+  std::size_t error_row_ = kNone;  ///< Of the newest frame that was destroyed,
+  bool came_through_ = true;       ///< and whether one came through since.
+  Instant last_frame_{};
   std::vector<std::int64_t> busy_ns_;
   Load load_;
 };

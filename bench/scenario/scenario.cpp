@@ -241,6 +241,12 @@ ResolvedRun extend(const ResolvedRun& run, const Array& events, const Array& fau
   return resolve(run, std::move(tree));
 }
 
+ResolvedRun rebuild(const ResolvedRun& run, Table tree, Nanos duration) {
+  ResolvedRun again = run;
+  again.duration = duration;
+  return resolve(std::move(again), std::move(tree));
+}
+
 std::string write_repro(const ResolvedRun& run, std::string_view program) {
   Table about;
   const auto set = [&about](std::string_view key, auto value) { about.set(key, Value{std::move(value), {}}); };

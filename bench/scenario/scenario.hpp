@@ -53,6 +53,10 @@ struct ResolvedRun {
 /// @throws config::ConfigError
 [[nodiscard]] ResolvedRun extend(const ResolvedRun& run, const config::Array& events, const config::Array& faults);
 
+/// The same run with another merged tree in place of its own, and lasting so long.
+/// @throws config::ConfigError
+[[nodiscard]] ResolvedRun rebuild(const ResolvedRun& run, config::Table tree, Nanos duration);
+
 /// The TOML text that repeats this run from anywhere: load() accepts it and gives one equal run, and it is the file
 /// that the emulator and the controller get.
 /// @param program  e.g. "meltbench 0.1.0", kept in [repro].
