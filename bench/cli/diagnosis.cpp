@@ -21,6 +21,9 @@ constexpr std::size_t kFrozen = 20;   // Samples of one value: stuck.
 constexpr int kMoves = 6;             // Runs to move a beginning; it converges in two or three.
 constexpr int kRefinements = 10;      // Runs to meet the time of the reaction.
 constexpr double kMuchNearer = 0.3;   // Than no fault at all.
+constexpr double kNear = 0.05;        // So near that it needs no better slope.
+constexpr double kSteepest = 20.0;    // Times the slope of what is left of a drift.
+constexpr int kSearches = 7;          // Of the slope, each of some runs.
 constexpr Nanos kMet = 5ms;           // A reaction that is met so well is not improved.
 constexpr Nanos kEarlier = 5s;        // Where a fault that shows no effect is tried next.
 constexpr Nanos kBeforeEnd = 50ms;    // The window of the check at the end.
@@ -86,11 +89,15 @@ class Detective {
       return {{}, {}, fmt::format("from the beginning, {} is not what these settings make of it", quantity.sensor)};
     }
     const double nothing = decode::calc_distance(log_, healthy_->traces, departure_.sample, end_);
-    Attempt best;
+    Attempt best, best_drift;
     for (Suspect& suspect : list_suspects()) {
+      Attempt& place = suspect.slope_key.empty() ? best : best_drift;
       Attempt attempt = move(std::move(suspect));
-      if (attempt.distance < best.distance) best = std::move(attempt);
+      if (attempt.distance < place.distance) place = std::move(attempt);
     }
+    const double nearest = std::min(best.distance, best_drift.distance);
+    if (nearest > kNear * nothing && std::isfinite(best_drift.distance)) best_drift = search_slope(best_drift);
+    if (best_drift.distance < best.distance) best = best_drift;
     if (best.distance < kMuchNearer * nothing) best = refine(std::move(best));
     if (!(best.distance < kMuchNearer * nothing)) {
       return {{},
@@ -124,9 +131,8 @@ class Detective {
     std::vector<Suspect> list;
     if (const auto since = find_frozen()) {
       list.push_back({"sensor." + sensor, "stuck", to_s(Traces::time_of(*since)), {}, 0.0});
-    } else if (auto drift = fit_drift(sensor)) {
-      list.push_back(std::move(*drift));
     }
+    if (auto drift = fit_drift(sensor)) list.push_back(std::move(*drift));
     if (is_zone) list.push_back({"actuator." + sensor, is_above ? "welded_on" : "dead", at_s, {}, 0.0});
     if (sensor == "melt_pressure" && !is_above) list.push_back({"plant", "feeder_bridging", at_s, {}, 0.0});
     std::erase_if(list, [&](const Suspect& suspect) { return !loop_.knows(suspect.table()); });
@@ -178,12 +184,11 @@ class Detective {
     return attempt;
   }
 
-  /// Moves the beginning until the departure comes when it did in the log. A drift's is known by its line, and that of
-  /// a stuck sensor by its value.
+  /// Moves the beginning until the departure comes when it did in the log. That of a stuck sensor is known by its
+  /// value.
   Attempt move(Suspect suspect) {
     Attempt best;
-    const bool has_beginning = suspect.kind == "drift" || suspect.kind == "stuck";
-    for (int i = 0; i < (has_beginning ? 1 : kMoves); ++i) {
+    for (int i = 0; i < (suspect.kind == "stuck" ? 1 : kMoves); ++i) {
       const ClosedLoopResult result = run(suspect);
       Attempt attempt = judge(suspect, result);
       if (attempt.distance < best.distance) best = attempt;
@@ -191,6 +196,33 @@ class Detective {
       const Nanos late = departs ? Traces::time_of(*departs) - Traces::time_of(departure_.sample) : kEarlier;
       if (late == Nanos{0} || suspect.at_s <= 0.0) break;
       suspect.at_s -= to_s(late);
+    }
+    return best;
+  }
+
+  /// A loop hides a drift of what it controls: the line through what is left of it is too flat. Golden section, on a
+  /// logarithmic scale, for the slope that comes nearest to the log.
+  Attempt search_slope(Attempt best) {
+    const double flat = best.suspect.slope;
+    double low = 0.0, high = std::log(kSteepest);
+    const auto at = [&](double exponent) {
+      Suspect suspect = best.suspect;
+      suspect.slope = flat * std::exp(exponent);
+      return move(std::move(suspect));
+    };
+    constexpr double kGolden = 0.381966;
+    double first = low + kGolden * (high - low), second = high - kGolden * (high - low);
+    Attempt one = at(first), other = at(second);
+    for (int i = 0; i < kSearches; ++i) {
+      if (one.distance < best.distance) best = one;
+      if (other.distance < best.distance) best = other;
+      if (one.distance < other.distance) {
+        high = second, second = first, other = one;
+        one = at(first = low + kGolden * (high - low));
+      } else {
+        low = first, first = second, one = other;
+        other = at(second = high - kGolden * (high - low));
+      }
     }
     return best;
   }

@@ -24,7 +24,7 @@ struct Diagnosis {
 /// Looks at the time before the first known fault only: behind it, no run needs to be alike.
 /// @param log       measurements of the log.
 /// @param reaction  time of the safe state in the log.
-/// Cost: one run if the log is healthy, else 10 to 40.
+/// Cost: one run if the log is healthy, else 5 to 50.
 [[nodiscard]] Diagnosis diagnose(ClosedLoop& loop, const decode::Traces& log, const std::vector<config::Table>& known,
                                  std::optional<Instant> reaction);
 

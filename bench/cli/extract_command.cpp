@@ -235,7 +235,7 @@ class Maker {
                least.faults.size() + least.dropped.size(), least.runs);
     found_.faults = std::move(least.faults);
     found_.reactions = decode::find_repeated(found_.reactions, loop_->run(found_.faults).reactions);
-    found_.checks = decode::make_checks(found_.reactions, run_.rig, found_.needs_bit_timed);
+    found_.checks = decode::make_checks(found_.reactions, run_.rig, decode::style_of(found_));
   }
 
   /// Says whether the scenario will do what the log shows, and lists what its health gate has to expect.

@@ -116,13 +116,16 @@ class Extractor {
         invalids_{findings, FindingKind::kInvalid},
         too_often_{findings, FindingKind::kTooOften},
         states_{findings, FindingKind::kErrorState},
+        node_states_{findings, FindingKind::kState},
+        commands_{findings, FindingKind::kNmt},
+        gaps_{findings, FindingKind::kGap},
         troubles_{find_bus_troubles(findings, rig)} {}
 
   Extraction run() {
     for (const BusTrouble& trouble : troubles_) on_trouble(trouble);
     for (const Finding& finding : findings_) take(finding);
     result_.reactions = list_reactions(findings_, end_, rig_);
-    result_.checks = make_checks(result_.reactions, rig_, result_.needs_bit_timed);
+    result_.checks = make_checks(result_.reactions, rig_, style_of(result_));
     result_.is_unexplained = result_.faults.empty() && std::ranges::any_of(result_.reactions, is_safe_state);
     tidy();
     return std::move(result_);
@@ -136,7 +139,7 @@ class Extractor {
       case FindingKind::kHeartbeatLost:
         return is_of_trouble(finding) ? void() : on_heartbeat_lost(finding);
       case FindingKind::kGap:
-        return is_of_trouble(finding) ? void() : drop(finding, finding.id, 0x7FF);
+        return is_of_trouble(finding) || is_controllers(finding) ? void() : drop(finding, finding.id, 0x7FF);
       case FindingKind::kInvalid:
         return on_invalid(finding);
       case FindingKind::kEmcy:
@@ -300,35 +303,61 @@ class Extractor {
     if (is_second_node(finding.node, finding.at)) return;  // on_too_often() has it.
     const Finding* silence = silences_.find_last(finding.node, finding.at);
     if (silence != nullptr && silence->until == finding.at) return;
+    if (goes_on(finding)) {
+      add_fault("board." + board->name, "same_node_id", finding.at, Instant::never());
+      return expect_second_node();
+    }
     add_fault("board." + board->name, "reboot", finding.at, Instant::never());
   }
 
   /// A controller that starts anew boots up by itself, and resets all boards, which then were asked.
   void on_controller_boot(const Finding& boot) {
     const Finding* silence = silences_.find_last(boot.node, boot.at);
-    const bool ends_here = silence != nullptr && silence->until.value_or(end_) >= boot.at - kBootsWithin;
-    const Instant at = ends_here ? Instant{silence->at + kBehindLast} : boot.at;
-    add_fault("program.controller", "restart", at, boot.at);
+    if (silence != nullptr && silence->until.value_or(end_) >= boot.at - kBootsWithin)
+      return;  // Told with the silence.
+    add_fault("program.controller", "restart", boot.at, Instant::never());
+    expect_no_controller();
+  }
+
+  void expect_no_controller() {
     expect({"plant.master-lost", "controller.emcy", "controller.emcys", "controller.tpdos_missed"});
     expect_late_values();
   }
 
   /// Whether heartbeats of two senders come around this time.
   [[nodiscard]] bool is_second_node(std::uint8_t node, Instant at) const {
-    return too_often_.find(node, Instant{at - kStarting}, Instant{at + kStarting},
-                           [](const Finding& row) { return row.count >= kSecondSender; }) != nullptr;
+    const Finding* row = too_often_.find_last(node, Instant{at + kStarting});
+    return row != nullptr && row->count >= kSecondSender && *row->until >= at - kStarting;
+  }
+
+  /// Whether a node that boots up says that it is operational, and nobody has started it: that is another one.
+  [[nodiscard]] bool goes_on(const Finding& boot) const {
+    constexpr auto kOperational = static_cast<std::uint16_t>(canopen::NmtState::kOperational);
+    const Finding* state = node_states_.find(boot.node, boot.at, Instant{boot.at + kStarting}, is_any);
+    if (state == nullptr || state->code != kOperational) return false;
+    const auto starts_it = [&](const Finding& command) {
+      constexpr unsigned kStart = 1;
+      const unsigned whom = command.code & 0xFFU;
+      return command.code >> 8U == kStart && (whom == 0 || whom == boot.node);
+    };
+    return commands_.find(0, boot.at, state->at, starts_it) == nullptr;
+  }
+
+  void expect_second_node() {
+    expect({"controller.node-reset", "controller.node-doubled", "controller.node-not-operational",
+            "controller.heartbeat-lost", "controller.heartbeats_lost", "controller.tpdos_missed"});
+    expect_late_values();
   }
 
   void on_too_often(const Finding& finding) {
     const config::RigBoard* board = find_board(rig_, finding.node);
     if (board == nullptr || finding.count < kSecondSender) return note(finding);
-    Instant from = finding.at;
-    const Finding* boot = boots_.find(finding.node, Instant{finding.at - kStarting}, finding.at, is_unasked);
-    if (boot != nullptr) from = boot->at;
-    add_fault("bus." + board->name, "same_node_id", from, Instant{*finding.until + kBehindLast});
-    expect({"controller.node-reset", "controller.node-not-operational", "controller.heartbeat-lost",
-            "controller.heartbeats_lost", "controller.tpdos_missed"});
-    expect_late_values();
+    const Instant until{*finding.until + kBehindLast};
+    // Its first heartbeat came a period after it did.
+    const Instant from = std::max(Instant{}, Instant{finding.at - Nanos{std::llround(finding.before * 1e9)}});
+    Table& fault = add_fault("board." + board->name, "same_node_id", from, until);
+    set(fault, "running", std::int64_t{1});
+    expect_second_node();
   }
 
   void on_heartbeat_lost(const Finding& finding) {
@@ -351,13 +380,36 @@ class Extractor {
     }
   }
 
-  /// Its heartbeat alone is a frame that was lost. With SYNC it was the controller itself.
+  /// SYNC that stays away together with the controller's heartbeat, and until it is back; null if it does not.
+  [[nodiscard]] const Finding* find_sync_gap(const Finding& silence) const {
+    const Finding* gap = gaps_.find_last(0, Instant{silence.at + kStarting});
+    if (gap == nullptr || gap->at < silence.at - kStarting || gap->until.has_value() != silence.until.has_value()) {
+      return nullptr;
+    }
+    return !gap->until || std::chrono::abs(*gap->until - *silence.until) <= kStarting ? gap : nullptr;
+  }
+
+  /// The controller's heartbeat alone is a frame that was lost. With SYNC it was the controller itself.
   void on_controller_silent(const Finding& finding) {
+    const Finding* gap = find_sync_gap(finding);
+    if (gap == nullptr || finding.node != rig_.controller_node_id) return drop(finding, finding.id, 0x7FF);
     const Instant over = finding.until.value_or(end_);
     const Finding* boot =
-        finding.until ? boots_.find(finding.node, Instant{over - kBootsWithin}, Instant{over + kStarting}, is_unasked)
-                      : nullptr;
-    if (boot == nullptr) drop(finding, finding.id, 0x7FF);
+        boots_.find(finding.node, Instant{over - kBootsWithin}, Instant{over + kStarting}, is_unasked);
+    const Instant from{std::max(finding.at, gap->at) + kBehindLast};
+    if (!finding.until || boot != nullptr) {
+      add_fault("program.controller", "killed", from, boot != nullptr ? boot->at : Instant::never());
+      return expect_no_controller();
+    }
+    drop(finding, finding.id, 0x7FF);
+    drop(*gap, gap->id, 0x7FF);
+  }
+
+  /// A gap of SYNC that is told with the controller's silence.
+  [[nodiscard]] bool is_controllers(const Finding& gap) const {
+    if (gap.node != 0) return false;
+    const Finding* silence = silences_.find_last(rig_.controller_node_id, Instant{gap.at + kStarting});
+    return silence != nullptr && find_sync_gap(*silence) == &gap;
   }
 
   [[nodiscard]] bool is_starting_unasked(const Finding& silence) const {
@@ -371,7 +423,7 @@ class Extractor {
 
   void on_invalid(const Finding& finding) {
     const config::RigBoard* board = find_board(rig_, finding.node);
-    if (board == nullptr || is_starting(finding.node, finding.at)) return;
+    if (board == nullptr || is_starting(finding.node, finding.at) || is_second_node(finding.node, finding.at)) return;
     const std::string sensor = sensor_name(board->kind, finding.address.sub);
     if (sensor.empty()) return note(finding);
     // Thermocouples that break read high, loops of 4-20 mA low; the other way round is a short circuit, or too much.
@@ -421,7 +473,7 @@ class Extractor {
   std::span<const Finding> findings_;
   Instant end_;
   const config::Rig& rig_;
-  ByNode boots_, silences_, emcys_, invalids_, too_often_, states_;
+  ByNode boots_, silences_, emcys_, invalids_, too_often_, states_, node_states_, commands_, gaps_;
   std::vector<BusTrouble> troubles_;
   Table spare_;  ///< A fault beyond kMost.
   std::uint64_t left_out_ = 0;
@@ -431,7 +483,7 @@ class Extractor {
 /// Writes the checks that a list of reactions asks for.
 class CheckWriter {
  public:
-  CheckWriter(const config::Rig& rig, bool on_wire) : rig_{rig}, on_wire_{on_wire} {}
+  CheckWriter(const config::Rig& rig, CheckStyle style) : rig_{rig}, style_{style} {}
 
   std::vector<Table> write(std::span<const Reaction> reactions) {
     for (const Reaction& reaction : reactions.first(std::min(reactions.size(), kMost))) check_reaction(reaction);
@@ -471,7 +523,7 @@ class CheckWriter {
     Table check;
     set(check, "name", std::string{"the controller goes to its safe state when it did"});
     set(check, "kind", std::string{"response"});
-    if (on_wire_ && reaction.released != 0) {
+    if (style_.on_wire && reaction.released != 0) {
       set(check, "signal",
           fmt::format("wire.{}.{:04X}", find_board(rig_, reaction.released)->name, reaction.release.index));
       set(check, "level", kReleased);
@@ -488,9 +540,9 @@ class CheckWriter {
   void check_no_safe_state() {
     Table check;
     set(check, "name", std::string{"no safe state"});
-    set(check, "kind", std::string{"always"});
+    set(check, "kind", std::string{style_.without_values ? "never" : "always"});
     set(check, "signal", std::string{"controller.state"});
-    set(check, "below", kBelowSafe);
+    set(check, style_.without_values ? "above" : "below", kBelowSafe);
     checks_.push_back(std::move(check));
   }
 
@@ -498,15 +550,22 @@ class CheckWriter {
   static constexpr double kReleased = 0.5;
   static constexpr Nanos kBeforeRelease = 100ms;
   const config::Rig& rig_;
-  bool on_wire_;
+  CheckStyle style_;
   std::map<std::string, unsigned> names_;
   std::vector<Table> checks_;
 };
 
 }  // namespace
 
-std::vector<config::Table> make_checks(std::span<const Reaction> reactions, const config::Rig& rig, bool on_wire) {
-  return CheckWriter{rig, on_wire}.write(reactions);
+CheckStyle style_of(const Extraction& found) {
+  const bool dies = std::ranges::any_of(found.faults, [](const Table& fault) {
+    return fault.find("kind")->value == Value{std::string{"killed"}, {}};
+  });
+  return {found.needs_bit_timed, dies};
+}
+
+std::vector<config::Table> make_checks(std::span<const Reaction> reactions, const config::Rig& rig, CheckStyle style) {
+  return CheckWriter{rig, style}.write(reactions);
 }
 
 void add_line_faults(Extraction& found, std::span<const LineReport> lines, Instant end) {

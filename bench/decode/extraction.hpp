@@ -25,8 +25,10 @@ struct Extraction {
 /// | in the log                                              | fault                                              |
 /// |---------------------------------------------------------|----------------------------------------------------|
 /// | a board boots up unasked                                | `board.NAME` `reboot`                              |
-/// | heartbeats of a board come from two senders             | `bus.NAME` `same_node_id`                          |
-/// | the controller falls silent, boots up, and resets all   | `program.controller` `restart`                     |
+/// | the same, and it goes on operational without a start    | `board.NAME` `same_node_id`                        |
+/// | heartbeats of a board come from two senders             | the same, `running`                                |
+/// | the controller boots up, and resets all                 | `program.controller` `restart`                     |
+/// | SYNC and its heartbeat stay away before that, or for ever | `program.controller` `killed`                    |
 /// | nothing comes of a board, then it boots up, or nothing  | `board.NAME` `off`                                 |
 /// | nothing comes of a board, then it goes on               | `frame` `drop` of all that is its                  |
 /// | a board's heartbeat alone stays away                    | `board.NAME` `heartbeat_lost`                      |
@@ -46,11 +48,16 @@ struct Extraction {
 /// Cost: n log n in the number of findings. No more than 500 faults, checks and notes; the last note counts the rest.
 [[nodiscard]] Extraction extract(std::span<const Finding> findings, Instant end, const config::Rig& rig);
 
+/// How checks look at the controller.
+struct CheckStyle {
+  bool on_wire = false;         ///< Its safe state as the bus shows it: a dead bus may hide it for long.
+  bool without_values = false;  ///< It dies: its signals have no values then.
+};
 /// [[check]] tables: each reaction within kReactionTolerance of its time, and no safe state if none is among them.
-/// @param on_wire  the safe state as the bus shows it; else as the controller has it, which a dead bus may hide for
-/// long.
 [[nodiscard]] std::vector<config::Table> make_checks(std::span<const Reaction> reactions, const config::Rig& rig,
-                                                     bool on_wire);
+                                                     CheckStyle style);
+/// That of the checks of an extraction.
+[[nodiscard]] CheckStyle style_of(const Extraction& found);
 
 /// Adds what serial lines suffered. A line whose errors the controller rode through gets `line.NAME` `noise` with the
 /// estimated share. Errors behind which it let go are repeated one by one, since chance does not repeat them: each is

@@ -13,7 +13,9 @@
 namespace meltbench::decode {
 namespace {
 
-constexpr double kGapPeriods = 2.5;           // As consumers of heartbeats usually wait.
+constexpr double kGapPeriods = 2.5;  // As consumers of heartbeats usually wait.
+// Tenths of a period within which a regular frame is too early. Of two senders of heartbeats one always is.
+constexpr std::int64_t kSoon = 4, kSoonHeartbeat = 6;
 constexpr Nanos kRow = 1s;                    // Equal things closer than this are one finding.
 constexpr Nanos kSetPointRow = 500ms;         // Changes of a set point closer than this are one finding.
 constexpr double kSmallChange = 0.02;         // Of the value: a loop at work,
@@ -329,7 +331,9 @@ void Story::follow_cycle(const FrameMeaning& meaning, std::uint32_t id) {
   if (cycle.seen > 0) {
     const Nanos gap = now_ - cycle.last;
     const auto period = cycle.seen > cycle.gaps_ns.size() ? regular_period(cycle.gaps_ns) : std::nullopt;
-    if (period && 5 * gap.count() < 2 * *period) return take_early(cycle, meaning, id, gap);
+    const bool is_heartbeat = meaning.service == Service::kHeartbeat;
+    const std::int64_t soon = is_heartbeat ? kSoonHeartbeat : kSoon;
+    if (period && 10 * gap.count() < soon * *period) return take_early(cycle, meaning, id, Nanos{*period});
     if (tell_gap(cycle, id, now_)) cycle.back_at = now_;
     cycle.gaps_ns[cycle.seen % cycle.gaps_ns.size()] = gap.count();
   }
@@ -339,7 +343,7 @@ void Story::follow_cycle(const FrameMeaning& meaning, std::uint32_t id) {
 
 /// A frame that comes much too early is none of the row that is followed: it teaches nothing, unless it is the row that
 /// has changed. What had to wait while the bus was dead comes at once, and is no second sender.
-void Story::take_early(Cycle& cycle, const FrameMeaning& meaning, std::uint32_t id, Nanos gap) {
+void Story::take_early(Cycle& cycle, const FrameMeaning& meaning, std::uint32_t id, Nanos period) {
   const bool has_own_time = meaning.service == Service::kSync || meaning.service == Service::kHeartbeat;
   if (!has_own_time || now_ - cycle.back_at <= kRow) return;
   if (cycle.early != kNone && now_ - *findings_[cycle.early].until <= kRow) {
@@ -347,13 +351,18 @@ void Story::take_early(Cycle& cycle, const FrameMeaning& meaning, std::uint32_t 
     findings_[cycle.early].until = now_;
     return;
   }
+  const Nanos gap = now_ - cycle.last;
+  // The one before was the stranger's, if both gaps together are the period.
+  const Nanos both = gap + Nanos{cycle.gaps_ns[(cycle.seen - 1) % cycle.gaps_ns.size()]};
+  const bool was_stranger = std::chrono::abs(both - period) < period / 10;
   const std::string who = meaning.service == Service::kSync ? "SYNC" : view_.name_of(meaning.node) + " heartbeat";
   open(cycle.early,
        {.kind = FindingKind::kTooOften,
-        .at = now_,
+        .at = was_stranger ? cycle.last : now_,
         .until = now_,
         .node = meaning.node,
         .id = id,
+        .before = to_s(period),
         .text = fmt::format("{} comes too often, {:.6g} ms after the one before: two senders?", who, to_s(gap) * 1e3)});
 }
 

@@ -26,7 +26,7 @@ enum class FindingKind : std::uint8_t {
                    ///< `code` 1: up to its last change it had changed in every frame.
   kInvalid,      ///< A board says that a measurement is not valid, until it is again. `code` is the status of CiA 404.
   kGap,          ///< A regular frame stays away: `at` is the last one before, `until` the next.
-  kTooOften,     ///< A regular frame comes again much too early: two senders?
+  kTooOften,     ///< A regular frame comes again much too early: two senders? `before`: the period [s].
   kErrorFrames,  ///< Of one class. `code` bit 0: a dominant bit came back as recessive; bit 1: frames came through
                  ///< between. `before`, `after`: for how long none had come before it, and none came after it [s].
   kErrorState,   ///< As the recording node saw it. `code` 1: bus-off, 2: restarted, 3: error-passive.
@@ -117,7 +117,7 @@ class Story {
   void on_error(const can::CanFrame& frame);
   void on_unknown(const can::CanFrame& frame);
   void follow_cycle(const FrameMeaning& meaning, std::uint32_t id);
-  void take_early(Cycle& cycle, const FrameMeaning& meaning, std::uint32_t id, Nanos gap);
+  void take_early(Cycle& cycle, const FrameMeaning& meaning, std::uint32_t id, Nanos period);
   bool tell_gap(Cycle& cycle, std::uint32_t id, std::optional<Instant> until);
   void forget_cycles(std::uint8_t node, bool with_heartbeat);
   void fail_request(std::uint8_t node, Talk& talk, const std::string& why);

@@ -171,3 +171,76 @@ TEST_CASE("a safe state without a fault, and what has no fault of its own, is sa
   CHECK(extract_all({set_point(5s, 5s, 10, {0x2000, 0}, 31, 0, 1)}).is_unexplained);
   CHECK(extract_all({make(FindingKind::kErrorState, 5s, 0)}).notes.size() == 1);
 }
+
+TEST_CASE("an ordered shut-down lets go of the heaters while it stops the screw in steps: no safe state", "[decode]") {
+  const Finding off = set_point(5s, 5s, 10, {0x2000, 0}, 31, 0, 1);
+  const Finding ramp = set_point(5s, 6500ms, 6, {0x60FF, 0}, 98304, 0, 150);
+  const Finding flux_off = set_point(6300ms, 6300ms, 8, {0x2002, 0}, 2, 0, 1);
+  const auto kinds = [](const Extraction& found) { return config::write_toml(found.checks.back()); };
+  CHECK_THAT(kinds(extract_all({off, ramp, flux_off})), Catch::Matchers::Contains("no safe state"));
+  // A screw that was told its speed and turns on is that of a safe state.
+  const Finding start = set_point(1s, 2500ms, 6, {0x60FF, 0}, 0, 98304, 150);
+  CHECK_THAT(kinds(extract_all({start, off})), Catch::Matchers::Contains("goes to its safe state"));
+}
+
+TEST_CASE("error frames between which nobody comes through are a short circuit, else noise, or a frame or two",
+          "[decode]") {
+  Finding errors = make(FindingKind::kErrorFrames, 5s, 0);
+  errors.id = 0x288;  // Protocol violation, bus error.
+  errors.code = 1;
+  errors.count = 40;
+  errors.until = kStart + 5500ms;
+  errors.before = 0.008;
+  errors.after = 0.1;
+  const Extraction dead = extract_all({errors});
+  CHECK(only_fault(dead) == R"(target = "bus" kind = "short_circuit" at_s = 4.996 for_s = 0.553865)");
+  CHECK(dead.needs_bit_timed);
+  errors.code = 2;
+  CHECK_THAT(only_fault(extract_all({errors})), Catch::Matchers::Contains("kind = \"noise\" at_s = 5.0 for_s = 0.5"));
+  errors.count = 2;
+  CHECK(only_fault(extract_all({errors})) == R"(target = "frame" kind = "corrupt" at_s = 4.999 count = 2)");
+}
+
+TEST_CASE("a foreign identifier again and again is babble, now and then it is a note", "[decode]") {
+  Finding foreign = make(FindingKind::kUnknown, 5s, 0);
+  foreign.id = 0x3F0;
+  foreign.count = 500;
+  foreign.until = kStart + 5500ms;
+  CHECK_THAT(only_fault(extract_all({foreign})),
+             Catch::Matchers::Contains("kind = \"babble\"") && Catch::Matchers::Contains("id = 1008"));
+  foreign.count = 5;
+  const Extraction rare = extract_all({foreign});
+  CHECK(rare.faults.empty());
+  CHECK(rare.notes.size() == 1);
+}
+
+TEST_CASE("SYNC and the heartbeat that stay away together are the controller's, one alone is a frame", "[decode]") {
+  Finding sync = make(FindingKind::kGap, 4990ms, 0);
+  sync.id = 0x80;
+  CHECK(only_fault(extract_all({silence(4950ms, {}, 127, false), sync})) ==
+        R"(target = "program.controller" kind = "killed" at_s = 4.991)");
+  CHECK_THAT(only_fault(extract_all({sync})), Catch::Matchers::Contains("id = 128"));
+}
+
+TEST_CASE("what nobody would read is counted", "[decode]") {
+  std::vector<Finding> findings;
+  for (int i = 0; i < 800; ++i) findings.push_back(boot(i * 10ms, 10));
+  const Extraction found = extract_all(std::move(findings));
+  CHECK(found.faults.size() == 500);
+  CHECK(found.checks.size() == 501);  // And that of no safe state.
+  REQUIRE(found.notes.size() == 1);
+  CHECK_THAT(found.notes.front(), Catch::Matchers::Contains("300 more"));
+}
+
+TEST_CASE("reactions are the same within their tolerance, in any order within it, and without others", "[decode]") {
+  const auto boots = [](Nanos at, std::uint8_t node) {
+    return Reaction{Reaction::Kind::kBoot, kStart + at, node, 0x700U + node, 0, 0, {}};
+  };
+  const std::vector<Reaction> log{boots(1s, 5), boots(1010ms, 10)};
+  CHECK(describe_difference(log, std::vector{boots(1005ms, 10), boots(1020ms, 5)}, rig()).empty());
+  CHECK_THAT(describe_difference(log, std::vector{boots(1s, 5), boots(1031ms, 10)}, rig()),
+             Catch::Matchers::Contains("heater boots up, now at 1.031000 s"));
+  CHECK_THAT(describe_difference(log, std::vector{boots(1s, 5)}, rig()), Catch::Matchers::Contains("not again"));
+  CHECK_THAT(describe_difference(log, std::vector{boots(1s, 5), boots(1010ms, 10), boots(2s, 7)}, rig()),
+             Catch::Matchers::Contains("melt_pressure boots up, which is not in the log"));
+}

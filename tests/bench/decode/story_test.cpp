@@ -263,3 +263,57 @@ TEST_CASE("load counts every bit of a frame and the pause behind it", "[decode]"
   CHECK(bus.load.per_second[0] <= 0.228F);
   CHECK(bus.load.mean == Approx(bus.load.per_second[0]).epsilon(0.01));
 }
+
+TEST_CASE("gaps of a node that is silent again and again belong to its silences, however many there are", "[decode]") {
+  Bus bus;
+  constexpr int kTimes = 400;
+  for (int i = 0; i < kTimes; ++i) {  // A second of life, a second of silence.
+    bus.repeat(i * 2s, i * 2s + 1s, 100ms, "707#05");
+    bus.repeat(i * 2s + 5ms, i * 2s + 1s, 10ms, "187#2B660000008408");
+  }
+  const auto all = bus.findings();
+  const auto is_gap = [](const Finding& finding) { return finding.kind == FindingKind::kGap; };
+  CHECK(std::ranges::count_if(all, is_gap) == 0);
+  const auto is_whole = [](const Finding& finding) {
+    return finding.kind == FindingKind::kHeartbeatLost && finding.code == 1;
+  };
+  CHECK(std::ranges::count_if(all, is_whole) == kTimes - 1);  // The log ends with the last life.
+}
+
+TEST_CASE("heartbeats that had to wait while the bus was dead are no second sender", "[decode]") {
+  Bus bus;
+  bus.repeat(0s, 2s, 100ms, "70A#05");
+  bus.say(3s, "70A#05");
+  bus.say(3s + 200us, "70A#05");
+  bus.repeat(3100ms, 4s, 100ms, "70A#05");
+  CHECK(bus.findings(FindingKind::kTooOften).empty());
+  CHECK(bus.findings(FindingKind::kHeartbeatLost).size() == 1);
+}
+
+TEST_CASE("a second sender of heartbeats is told from its first one on, wherever it lies between those of the first",
+          "[decode]") {
+  const Nanos behind = GENERATE(0ms, 20ms, 45ms, 55ms, 80ms);
+  Bus bus;
+  bus.repeat(0s, 4s, 100ms, "707#05");
+  bus.repeat(2s + behind, 4s, 100ms, "707#05");
+  const auto rows = bus.findings(FindingKind::kTooOften);
+  REQUIRE(rows.size() == 1);
+  CHECK(rows[0].node == 7);
+  CHECK(rows[0].at == kStart + 2s + behind);
+  CHECK(rows[0].count >= 19);
+  CHECK(rows[0].before == Approx(0.1));
+}
+
+TEST_CASE("error frames tell for how long nobody came through on either side", "[decode]") {
+  Bus bus;
+  bus.repeat(0s, 1s, 10ms, "080#");
+  bus.say(1s, error_frame(CAN_ERR_PROT | CAN_ERR_BUSERROR));
+  bus.say(1100ms, error_frame(CAN_ERR_PROT | CAN_ERR_BUSERROR));
+  bus.repeat(1150ms, 2s, 10ms, "080#");
+  const auto errors = bus.findings(FindingKind::kErrorFrames);
+  REQUIRE(errors.size() == 1);
+  CHECK(errors[0].count == 2);
+  CHECK(errors[0].before == Approx(0.010));
+  CHECK(errors[0].after == Approx(0.050));
+  CHECK((errors[0].code & 2U) == 0);
+}
