@@ -145,7 +145,7 @@ TEST_CASE("a welded relay is found by running the machine again", "[extract]") {
 }
 
 TEST_CASE("a feeder that bridges is found, though its board reports what it should", "[extract]") {
-  require_same({.duration_s = 25, .faults = make_fault("plant", "feeder_bridging", "at_s = 5")},
+  require_same({.duration_s = 40, .faults = make_fault("plant", "feeder_bridging", "at_s = 5")},
                {"plant feeder_bridging"});
 }
 
