@@ -13,6 +13,7 @@ namespace {
 
 constexpr double kSecondsPerHour = 3600.0;
 constexpr double kSecondsPerMinute = 60.0;
+constexpr Instant kStartsLate{500ms};  // At wall-clock pace the first wake-up is some milliseconds behind the start.
 constexpr double kSlowestShare = 0.1;  // Of the run's speed: a slower screw counts as standing for the front.
 
 }  // namespace
@@ -75,7 +76,7 @@ void Controller::wake(const Wakeup& in, Outbox& out) {
   if (state_ == ControllerState::kOff) {
     // What has come until now is older than the reset, and would only mislead.
     state_ = ControllerState::kBooting;
-    if (in.now > Instant{}) join(in.now);
+    if (in.now > kStartsLate) join(in.now);
     bus_.start(in.now, out);
   } else {
     for (const can::StampedFrame& stamped : in.frames) on_frame(in.now, stamped.frame, out);

@@ -447,6 +447,17 @@ TEST_CASE("Controller: started in the middle of a run it goes on from what it fi
   CHECK(rig.signal("controller.set_point_m") == 0.1);
 }
 
+TEST_CASE("Controller: a process that is woken some milliseconds late has not been away", "[machine]") {
+  ControllerSettings settings = make_settings();
+  settings.law_starts_at = Instant{10s};
+  FakeRig rig{settings};
+  rig.start_at(Instant{20ms});
+  rig.process.x_m = 0.16;
+  rig.run_for_s(0.2);
+  // It holds what it finds, and not what the feeder brings.
+  CHECK(rig.signal("controller.U_command") == Approx(settings.model.holding_ratio(0.16)).epsilon(1e-4));
+}
+
 TEST_CASE("Controller: bus-off leads to the safe state at once, error-passive after a second", "[machine]") {
   ControllerSettings settings = make_settings();
   Controller controller{settings};
