@@ -93,7 +93,7 @@ Emulator::Emulator(const EmulatorSettings& settings, std::uint64_t seed)
       gates_.emplace_back(*boards_.back(), kind_of(board), process_);
       nodes_.push_back(board.name);
     } else {
-      devices_.push_back(&serial_.add(make_rtu_board(board, seed, process_), board.line));
+      devices_.push_back(&serial_.add(make_rtu_board(board, seed, process_), kind_of(board), board.line, process_));
     }
     for (const std::string_view signal : devices_.back()->signal_names()) {
       signals_.push_back({fmt::format("{}.{}", board.name, signal), SignalKind::kValue});
@@ -183,8 +183,10 @@ void Emulator::obey(const std::string& text) {
     mark_sender(i);
   }
   if (order->begins) {
+    serial_.begin(order->number, order->fault, now_);
     process_.begin(order->number, order->fault);
   } else {
+    serial_.end(order->number, now_);
     process_.end(order->number);
   }
   tell_others();
@@ -267,6 +269,7 @@ Instant Emulator::next_deadline() const {
 
 void Emulator::report_boards(Outbox& out) {
   for (BoardGate& gate : gates_) gate.forget_dark_events();
+  serial_.forget_dark_events();
   for (board::Device* device : devices_) {
     if (!device->has_events()) continue;
     for (Event& event : device->take_events()) {

@@ -11,10 +11,13 @@ void SerialBoards::add_line(std::string name, const serial::LineSettings& settin
   lines_.back().answers.reserve(2 * modbus::kMaxFrame);
 }
 
-board::RtuBoard& SerialBoards::add(std::unique_ptr<board::RtuBoard> board, const std::string& line) {
+board::RtuBoard& SerialBoards::add(std::unique_ptr<board::RtuBoard> board, config::BoardKind kind,
+                                   const std::string& line, ProcessFaults& process) {
   const auto at = std::find(names_.begin(), names_.end(), line) - names_.begin();
-  board->attach(lines_.at(static_cast<std::size_t>(at)).server);
+  modbus::RtuServer& server = lines_.at(static_cast<std::size_t>(at)).server;
+  board->attach(server);
   boards_.push_back(std::move(board));
+  gates_.emplace_back(*boards_.back(), kind, process, server);
   return *boards_.back();
 }
 
@@ -27,8 +30,8 @@ void SerialBoards::on_bytes(Instant now, const SerialArrival& arrival) {
 }
 
 void SerialBoards::on_time(Instant now) {
-  for (const auto& board : boards_) {
-    if (board->next_deadline() <= now) board->on_time(now);
+  for (RtuGate& gate : gates_) {
+    if (gate.next_deadline() <= now) gate.on_time(now);
   }
   for (Line& line : lines_) {
     if (line.server.next_deadline() <= now) line.server.on_time(now, line.answers);
@@ -37,9 +40,23 @@ void SerialBoards::on_time(Instant now) {
 
 Instant SerialBoards::next_deadline() const {
   Instant next = Instant::never();
-  for (const auto& board : boards_) next = std::min(next, board->next_deadline());
+  for (const RtuGate& gate : gates_) next = std::min(next, gate.next_deadline());
   for (const Line& line : lines_) next = std::min(next, line.server.next_deadline());
   return next;
+}
+
+void SerialBoards::begin(std::size_t number, const fault::Fault& fault, Instant now) {
+  for (RtuGate& gate : gates_) {
+    if (fault.target == fault::Target::kBoard && gate.board().name() == fault.object) gate.begin(number, fault, now);
+  }
+}
+
+void SerialBoards::end(std::size_t number, Instant now) {
+  for (RtuGate& gate : gates_) gate.end(number, now);
+}
+
+void SerialBoards::forget_dark_events() {
+  for (RtuGate& gate : gates_) gate.forget_dark_events();
 }
 
 void SerialBoards::on_lines(std::span<const LinkState> lines) {

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <utility>
 
 namespace meltbench::machine {
 
@@ -11,7 +12,7 @@ using namespace feeder_register;
 using modbus::Function;
 
 constexpr double kSecondsPerHour = 3600.0;
-constexpr std::uint16_t kReportWords = 4;
+constexpr std::uint16_t kReportWords = 5;
 constexpr std::uint16_t kTimesWords = 4;
 constexpr std::uint16_t kOldest = 0xFFFF;                              // Of an age: so old or older.
 constexpr std::size_t kPollRequestBytes = modbus::frame_size(10 + 4);  // Function 23 with one 32-bit value.
@@ -89,14 +90,18 @@ void SerialFeeder::on_answer(Instant now, const modbus::ClientResult& result) {
       mark_configured();
       return advance_to(Step::kPoll, now);
     case Step::kPoll:
-      take_report(result);
-      if (!safe_flow_told_) advance_to(Step::kSafeFlow, now);
+      take_report(now, result);
+      if (step_ == Step::kPoll && !safe_flow_told_) advance_to(Step::kSafeFlow, now);
   }
 }
 
-void SerialFeeder::take_report(const modbus::ClientResult& result) {
+void SerialFeeder::take_report(Instant now, const modbus::ClientResult& result) {
   std::array<std::uint16_t, kReportWords> words{};
   if (!modbus::read_registers(result.answer, words)) return;
+  if ((words[4] & kConfigured) == 0) return note_reset(now);
+  const bool empty = (words[4] & kHopperEmpty) != 0;
+  if (empty && !std::exchange(empty_, empty)) complain("feeder-empty", ": the hopper is empty");
+  empty_ = empty;
   const float flow_kg_per_h = modbus::to_float(words, word_order_);
   if (!std::isfinite(flow_kg_per_h)) return;
   std::optional<Nanos> age;

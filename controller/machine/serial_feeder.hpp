@@ -14,11 +14,13 @@ namespace meltbench::machine {
 
 /// What the controller uses of the feeder's registers, from 0.
 namespace feeder_register {
-inline constexpr std::uint16_t kSetPoint = 0;        ///< REAL32, kg/h.
-inline constexpr std::uint16_t kLossOfMaster = 6;    ///< REAL32, kg/h.
-inline constexpr std::uint16_t kWatchdog = 8;        ///< ms.
-inline constexpr std::uint16_t kWordOrder = 10;      ///< Of the 32-bit values.
-inline constexpr std::uint16_t kReport = 100;        ///< Flow now: REAL32, kg/h; its age, 10 us; changes modulo 256.
+inline constexpr std::uint16_t kSetPoint = 0;      ///< REAL32, kg/h.
+inline constexpr std::uint16_t kLossOfMaster = 6;  ///< REAL32, kg/h.
+inline constexpr std::uint16_t kWatchdog = 8;      ///< ms.
+inline constexpr std::uint16_t kWordOrder = 10;    ///< Of the 32-bit values.
+inline constexpr std::uint16_t kReport = 100;      ///< Flow: REAL32, kg/h; its age, 10 us; changes modulo 256; status.
+inline constexpr std::uint16_t kHopperEmpty = 0x08;  ///< Bits of the status: nothing left to deliver;
+inline constexpr std::uint16_t kConfigured = 0x80;   ///< it has been told its safe flow since power-up.
 inline constexpr std::uint16_t kLatency = 122;       ///< U32, us.
 inline constexpr std::uint16_t kControlCycle = 124;  ///< U32, us.
 }  // namespace feeder_register
@@ -47,7 +49,7 @@ class SerialFeeder final : public FeederWire, public SerialUnit {
   [[nodiscard]] modbus::Pdu make_own_request(Instant now) override;
   void on_answer(Instant now, const modbus::ClientResult& result) override;
   void restart() override { step_ = Step::kWordOrder; }
-  void take_report(const modbus::ClientResult& result);
+  void take_report(Instant now, const modbus::ClientResult& result);
   void advance_to(Step step, Instant now);
   [[nodiscard]] modbus::Pdu make_safe_flow() const;
 
@@ -57,6 +59,7 @@ class SerialFeeder final : public FeederWire, public SerialUnit {
   FeederFacts facts_;
   double safe_flow_kg_per_s_;
   bool safe_flow_told_ = true;
+  bool empty_ = false;
   std::optional<double> flow_kg_per_s_;  // To be written with the next request.
 };
 

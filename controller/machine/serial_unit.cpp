@@ -40,9 +40,9 @@ void SerialUnit::on_result(Instant now, const modbus::ClientResult& result) {
     }
   }
   if (result.outcome == Outcome::kException) {
-    return complain(configured_ ? "device-refused" : "configuration-failed",
-                    fmt::format("{} refuses a request: {}; is it the device that the rig says?", label_,
-                                modbus::text(result.exception)));
+    return complain(
+        configured_ ? "device-refused" : "configuration-failed",
+        fmt::format(" refuses a request: {}; is it the device that the rig says?", modbus::text(result.exception)));
   }
   known_ ? on_answer(now, result) : identify(now, result);
 }
@@ -51,9 +51,20 @@ void SerialUnit::identify(Instant now, const modbus::ClientResult& result) {
   const std::string_view product = modbus::find_identification(result.answer, kProductCodeObject);
   if (product != product_code_) {
     return complain("identity-mismatch",
-                    fmt::format("{} says that it is \"{}\", expected \"{}\"", label_, product, product_code_));
+                    fmt::format(" says that it is \"{}\", expected \"{}\"", product, product_code_));
   }
   known_ = true;
+  ask_at(now);
+}
+
+void SerialUnit::complain(std::string_view code, std::string_view what) {
+  troubles_.push_back({code, fmt::format("{}{}", label_, what)});
+}
+
+void SerialUnit::note_reset(Instant now) {
+  complain("device-reset", " was reset and has lost its configuration");
+  known_ = false;
+  restart();
   ask_at(now);
 }
 
@@ -62,12 +73,11 @@ void SerialUnit::on_silence(Instant now, unsigned attempts) {
   if (!configured_) {
     if (now < *boot_until_) return;
     due_at_ = Instant::never();
-    return complain("boot-timeout", fmt::format("{} has not answered for {:.3g} s; power, wiring, unit and baud rate?",
-                                                label_, to_s(boot_timeout_)));
+    return complain("boot-timeout", fmt::format(" has not answered for {:.3g} s; power, wiring, unit and baud rate?",
+                                                to_s(boot_timeout_)));
   }
   if (std::exchange(lost_, true)) return;
-  complain("device-lost",
-           fmt::format("{}: no answer to {} requests; has it lost power or its cable?", label_, attempts));
+  complain("device-lost", fmt::format(": no answer to {} requests; has it lost power or its cable?", attempts));
 }
 
 std::optional<Trouble> SerialUnit::take_trouble() {

@@ -14,8 +14,8 @@ namespace meltbench::machine {
 
 /// Asked who it is, then what the derived class asks. No answer to a request and its repetitions: trouble device-lost,
 /// once. It is asked on; when it answers again that is told (take_news()), and since it may have lost power, it is
-/// configured anew. Other troubles: boot-timeout, identity-mismatch, configuration-failed (before it is ready),
-/// device-refused.
+/// configured anew; so is one that says itself that it has been reset (device-reset). Other troubles: boot-timeout,
+/// identity-mismatch, configuration-failed (before it is ready), device-refused.
 class SerialUnit : public SerialDevice {
  public:
   /// @param what  in messages, e.g. "feeder".
@@ -40,6 +40,10 @@ class SerialUnit : public SerialDevice {
   /// It may have forgotten everything: its configuration begins anew.
   virtual void restart() = 0;
 
+  /// @param what  is wrong, behind its name.
+  void complain(std::string_view code, std::string_view what);
+  /// It answers, and has lost its configuration.
+  void note_reset(Instant now);
   void ask_at(Instant at) { due_at_ = at; }
   [[nodiscard]] bool is_asked() const { return due_at_ != Instant::never(); }
   [[nodiscard]] bool is_known() const { return known_; }  ///< It has said who it is.
@@ -49,8 +53,6 @@ class SerialUnit : public SerialDevice {
  private:
   void on_silence(Instant now, unsigned attempts);
   void identify(Instant now, const modbus::ClientResult& result);
-  void complain(std::string_view code, std::string text) { troubles_.push_back({code, std::move(text)}); }
-
   std::string label_;
   std::uint8_t unit_;
   std::string_view product_code_;

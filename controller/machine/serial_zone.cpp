@@ -74,6 +74,7 @@ void SerialZone::on_answer(Instant now, const modbus::ClientResult& result) {
   mark_configured();
   std::array<std::uint16_t, kPolled> words{};
   if (modbus::read_registers(result.answer, words)) {
+    if ((words[kState] & kConfigured) == 0) return note_reset(now);
     report_ = {result.request_end,
                {.T_degC = kTenth * words[kTemperature],
                 .sensor_good = words[kSensor] == 0,

@@ -13,13 +13,15 @@ namespace zone_register {
 inline constexpr std::uint16_t kSetPoint = 0;     ///< 0.1 °C.
 inline constexpr std::uint16_t kTemperature = 1;  ///< 0.1 °C.
 inline constexpr std::uint16_t kOutput = 2;       ///< 0.1 %.
-inline constexpr std::uint16_t kSensor = 4;       ///< 0: good.
-inline constexpr std::uint16_t kRun = 5;          ///< 1: heats.
-inline constexpr std::uint16_t kHighAlarm = 10;   ///< 0.1 °C.
+inline constexpr std::uint16_t kState = 3;        ///< Bits; kConfigured: has been told its high alarm.
+inline constexpr std::uint16_t kConfigured = 0x100;
+inline constexpr std::uint16_t kSensor = 4;      ///< 0: good.
+inline constexpr std::uint16_t kRun = 5;         ///< 1: heats.
+inline constexpr std::uint16_t kHighAlarm = 10;  ///< 0.1 °C.
 }  // namespace zone_register
 
 /// Told its high alarm, then polled every kPollPeriod. Set point and release that it reads back otherwise than wanted
-/// are written at once, so one that has lost power is set right by the next poll.
+/// are written at once. One that was reset says so by its state.
 class SerialZone final : public SerialUnit {
  public:
   /// @param channel  1.. barrel zones from the feed throat on, kNozzleChannel the nozzle.

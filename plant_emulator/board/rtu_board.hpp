@@ -1,6 +1,9 @@
 #pragma once
 /// A field board on a serial line: one or several Modbus units in front, the process behind.
 
+#include <cstdint>
+#include <vector>
+
 #include "plant_emulator/board/device.hpp"
 #include "protocols/modbus/rtu_server.hpp"
 
@@ -14,7 +17,10 @@ class RtuBoard : public Device {
 
   /// Puts its units on a line. Called once, before start().
   virtual void attach(modbus::RtuServer& server) = 0;
-  /// Power on. @pre the process is at `now`.
+  /// Their addresses there.
+  [[nodiscard]] virtual std::vector<std::uint8_t> units() const = 0;
+  /// Power on, also in the middle of a run: everything that was written to it is forgotten. @pre the process is at
+  /// `now`.
   virtual void start(Instant now) = 0;
   /// Timers: watchdogs.
   virtual void on_time(Instant now) = 0;

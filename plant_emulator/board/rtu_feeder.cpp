@@ -36,9 +36,29 @@ RtuFeeder::RtuFeeder(std::string name, std::uint8_t unit, const FeederSettings& 
     : RtuBoard{std::move(name), process},
       firmware_{settings, chance, process, *this},
       unit_{unit},
-      word_order_{settings.low_word_first ? modbus::WordOrder::kLowFirst : modbus::WordOrder::kHighFirst},
-      loss_of_master_kg_per_h_{static_cast<float>(settings.loss_of_master_kg_per_h)},
-      watchdog_ms_{settings.watchdog_ms} {}
+      word_order_{},
+      loss_of_master_kg_per_h_{},
+      watchdog_ms_{} {
+  forget();
+}
+
+/// What was written to it.
+void RtuFeeder::forget() {
+  const FeederSettings& settings = firmware_.settings();
+  word_order_ = settings.low_word_first ? modbus::WordOrder::kLowFirst : modbus::WordOrder::kHighFirst;
+  loss_of_master_kg_per_h_ = static_cast<float>(settings.loss_of_master_kg_per_h);
+  watchdog_ms_ = settings.watchdog_ms;
+  configured_ = false;
+}
+
+void RtuFeeder::start(Instant now) {
+  forget();
+  firmware_.power_up(now);
+}
+
+std::uint8_t RtuFeeder::status() const {
+  return static_cast<std::uint8_t>(firmware_.status() | (configured_ ? kFeederConfigured : 0));
+}
 
 void RtuFeeder::attach(modbus::RtuServer& server) {
   server.add(unit_, *this, firmware_.settings().answer_delay);
@@ -117,13 +137,12 @@ RtuFeeder::Report RtuFeeder::make_report(Instant now) {
   firmware_.move_to(now);
   const FeederSettings& settings = firmware_.settings();
   const auto as_float = [](double value) { return static_cast<float>(value); };
-  const std::uint8_t status = firmware_.status();
   Report words{};
   put(words, kFlow, firmware_.flow_kg_per_h(), word_order_);
   words[kFlowAge] = to_age(firmware_.flow_age(now), FeederFirmware::kAgeUnit);
   words[kChanges] = firmware_.changes();
-  words[kStatus] = status;
-  words[kAlarms] = status & kFeederAlarms;
+  words[kStatus] = status();
+  words[kAlarms] = status() & kFeederAlarms;
   put(words, kMassFlow, as_float(firmware_.measured_kg_per_h()), word_order_);
   put(words, kNetWeight, as_float(firmware_.weight_kg()) - firmware_.tare_kg(), word_order_);
   put(words, kDriveCommand, as_float(firmware_.drive_command_percent()), word_order_);
@@ -165,6 +184,7 @@ ExceptionCode RtuFeeder::write_registers(Instant now, std::uint16_t first, std::
   const auto max_flow = static_cast<float>(firmware_.settings().max_flow_kg_per_h);
   const bool safe_good = wanted.loss_of_master_kg_per_h >= 0 && wanted.loss_of_master_kg_per_h <= max_flow;
   if (!limits_good || !safe_good || wanted.mode > 1 || words[kWordOrder] > 1) return ExceptionCode::kIllegalValue;
+  if (first <= kLossOfMaster && first + values.size() > kLossOfMaster) configured_ = true;
   obey(now, wanted, has_set_point);
   return ExceptionCode::kNone;
 }
@@ -206,7 +226,7 @@ ExceptionCode RtuFeeder::read_bits(Instant now, Table table, std::uint16_t first
   firmware_.move_to(now);
   for (std::size_t i = 0; i < values.size(); ++i) {
     const std::size_t bit = first + i;
-    values[i] = table == Table::kCoils ? is_coil_on(bit) : (firmware_.status() >> bit & 1U) != 0;
+    values[i] = table == Table::kCoils ? is_coil_on(bit) : (status() >> bit & 1U) != 0;
   }
   return ExceptionCode::kNone;
 }

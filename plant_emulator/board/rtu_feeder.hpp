@@ -25,7 +25,10 @@ inline constexpr std::uint16_t kFlow = 0, kFlowAge = 2, kChanges = 3, kStatus = 
 namespace feeder_coil {
 inline constexpr std::uint16_t kRun = 0, kVolumetricMode = 1, kRefill = 2, kClearTotalizer = 3, kTare = 4, kCount = 5;
 }
-inline constexpr std::uint16_t kFeederInputs = 7;  ///< Discrete inputs: the bits of FeederStatus.
+/// Bit of the status behind those of FeederStatus: the flow on loss of master has been written since power-up. A master
+/// that has written it sees by this bit that the feeder was reset.
+inline constexpr std::uint8_t kFeederConfigured = 0x80;
+inline constexpr std::uint16_t kFeederInputs = 8;  ///< Discrete inputs: the bits of the status.
 
 /// Alarms, register 105: the bits of FeederStatus that call for somebody.
 inline constexpr std::uint8_t kFeederAlarms = kMasterLost | kHopperEmpty | kNotANumber;
@@ -40,7 +43,8 @@ class RtuFeeder final : public RtuBoard, private modbus::RegisterMap, private Fe
   RtuFeeder(std::string name, std::uint8_t unit, const FeederSettings& settings, Chance chance, Process& process);
 
   void attach(modbus::RtuServer& server) override;
-  void start(Instant now) override { firmware_.power_up(now); }
+  [[nodiscard]] std::vector<std::uint8_t> units() const override { return {unit_}; }
+  void start(Instant now) override;
   void on_time(Instant now) override;
   [[nodiscard]] Instant next_deadline() const override { return firmware_.watchdog_at(); }
 
@@ -79,18 +83,21 @@ class RtuFeeder final : public RtuBoard, private modbus::RegisterMap, private Fe
   void on_hopper_empty(Instant at) override;
   void on_refill(Instant at, bool begins) override;
 
+  void forget();
   void obey(Instant now, const Orders& orders, bool has_set_point);
   [[nodiscard]] Orders orders() const;
   [[nodiscard]] Settings encode(const Orders& orders) const;
   [[nodiscard]] Orders decode(const Settings& words) const;
   [[nodiscard]] Report make_report(Instant now);
   [[nodiscard]] bool is_coil_on(std::size_t coil) const;
+  [[nodiscard]] std::uint8_t status() const;
 
   FeederFirmware firmware_;
   std::uint8_t unit_;
   modbus::WordOrder word_order_;
   float loss_of_master_kg_per_h_;
   std::uint16_t watchdog_ms_;
+  bool configured_ = false;
 };
 
 }  // namespace meltbench::board

@@ -33,8 +33,13 @@ class RtuHeater::Unit final : public modbus::RegisterMap {
  public:
   Unit(RtuHeater& board, std::size_t channel, bool fitted, std::uint64_t noise_seed)
       : zone{board.settings_, channel, fitted, noise_seed}, board_{board}, channel_{channel} {
-    const HeaterSettings& settings = board.settings_;
-    set = {.set_degC = settings.warm_start && fitted ? settings.start[channel].T_degC : 0.0,
+    forget(fitted && board.settings_.warm_start);
+  }
+
+  /// What was written to it. @param warm  in control of a warm zone.
+  void forget(bool warm) {
+    const HeaterSettings& settings = board_.settings_;
+    set = {.set_degC = warm ? settings.start[channel_].T_degC : 0.0,
            .band_K = settings.band_K,
            .integral_s = settings.integral_s,
            .derivative_s = settings.derivative_s,
@@ -44,12 +49,17 @@ class RtuHeater::Unit final : public modbus::RegisterMap {
            .window = nanos_from_s(settings.supervision_s),
            .change_K = settings.supervision_K};
     watchdog_ms_ = settings.watchdog_ms;
+    watchdog_at = Instant::never();
+    run = warm;
+    master_lost = configured = false;
+    told = RelayTuner::State::kIdle;
   }
 
   HeatZone zone;
   ZoneParameters set;
   bool run = false;
   bool master_lost = false;
+  bool configured = false;
   Instant watchdog_at = Instant::never();
   RelayTuner::State told = RelayTuner::State::kIdle;
 
@@ -58,6 +68,7 @@ class RtuHeater::Unit final : public modbus::RegisterMap {
     watchdog_at = Instant::never();
     master_lost = true;
     zone.rest(board_.process());
+    board_.switch_supply();
     board_.report(Severity::kWarning, now, "master-lost",
                   fmt::format("channel {}: no request for {} ms: its heater is off", channel_ + 1, watchdog_ms_));
   }
@@ -107,6 +118,7 @@ class RtuHeater::Unit final : public modbus::RegisterMap {
   /// Any request says that somebody is there.
   void hear(Instant now) {
     if (std::exchange(master_lost, false)) {
+      board_.switch_supply();
       board_.report(Severity::kInfo, now, "master-back", fmt::format("channel {} is polled again", channel_ + 1));
     }
     watchdog_at = watchdog_ms_ != 0 ? now + watchdog_ms_ * 1ms : Instant::never();
@@ -115,7 +127,7 @@ class RtuHeater::Unit final : public modbus::RegisterMap {
     return {to_tenths(set.set_degC),
             to_tenths(zone.X_degC()),
             static_cast<std::uint16_t>(std::lround(kPerMille * zone.output())),
-            zone.state(is_released(), set),
+            static_cast<std::uint16_t>(zone.state(is_released(), set) | (configured ? kZoneConfigured : 0)),
             zone.is_open() ? kSensorOpen : std::uint8_t{0},
             run ? std::uint16_t{1} : std::uint16_t{0},
             to_tenths(set.band_K),
@@ -153,6 +165,8 @@ ExceptionCode RtuHeater::Unit::write_registers(Instant now, std::uint16_t first,
   take(kCycle, set.cycle_s);
   take(kHighAlarm, set.max_degC);
   run = words[kRun] == 1;
+  if (written(kHighAlarm)) configured = true;
+  board_.switch_supply();
   watchdog_ms_ = words[kWatchdog];
   hear(now);
   return ExceptionCode::kNone;
@@ -165,6 +179,7 @@ ExceptionCode RtuHeater::Unit::write_coils(Instant now, std::uint16_t first, std
   if (asks(zone_coil::kAutotune) && !zone.is_on(is_released())) return ExceptionCode::kDeviceFailure;
   if (written(zone_coil::kRun)) run = asks(zone_coil::kRun);
   if (asks(zone_coil::kAcknowledge)) static_cast<void>(zone.acknowledge(set.max_degC));
+  board_.switch_supply();
   if (asks(zone_coil::kAutotune)) {
     zone.tuner().start(to_s(now), set.set_degC, board_.settings_.autotune_hysteresis_K);
   } else if (written(zone_coil::kAutotune)) {
@@ -194,11 +209,32 @@ void RtuHeater::attach(modbus::RtuServer& server) {
   }
 }
 
+std::vector<std::uint8_t> RtuHeater::units() const {
+  std::vector<std::uint8_t> numbers;
+  for (std::size_t i = 0; i < kChannels; ++i) {
+    if (units_[i]->zone.is_fitted()) numbers.push_back(static_cast<std::uint8_t>(first_unit_ + i));
+  }
+  return numbers;
+}
+
 void RtuHeater::start(Instant now) {
   for (const auto& unit : units_) {
-    unit->run = settings_.warm_start && unit->zone.is_fitted();
+    // Once only: one that comes back in mid-run waits to be told.
+    unit->forget(settings_.warm_start && unit->zone.is_fitted() && now == Instant{});
     unit->zone.power_up(now, unit->run, process());
   }
+  switch_supply();
+}
+
+/// The last resort against a relay that does not open.
+void RtuHeater::switch_supply() {
+  bool released = false;
+  unsigned alarms = 0;
+  for (const auto& unit : units_) {
+    released = released || unit->is_released();
+    alarms |= unit->zone.alarms();
+  }
+  process().set_heater_supply(released && (alarms & (kZoneTooHot | kZoneUnasked)) == 0);
 }
 
 void RtuHeater::on_time(Instant now) {
@@ -232,6 +268,7 @@ void RtuHeater::touch(Instant at) {
     if (!unit.zone.is_fitted()) continue;
     const std::uint8_t raised = unit.zone.control(at, clock_.number_of(at), unit.is_released(), unit.set, process());
     if (raised != 0) {
+      switch_supply();
       report(Severity::kFault, at, "zone-alarm",
              fmt::format("channel {} {}: off", i + 1, describe(static_cast<ZoneState>(raised))));
     }

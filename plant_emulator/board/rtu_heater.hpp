@@ -20,6 +20,9 @@ inline constexpr std::uint16_t kSetPoint = 0, kTemperature = 1, kOutput = 2, kSt
                                kBand = 6, kIntegral = 7, kDerivative = 8, kCycle = 9, kHighAlarm = 10, kWatchdog = 11,
                                kAutotune = 12, kCount = 13;
 }
+/// Bit of the state behind those of ZoneState: the high alarm has been written since power-up. A master that has
+/// written it sees by this bit that the unit was reset.
+inline constexpr std::uint16_t kZoneConfigured = 0x100;
 namespace zone_coil {
 inline constexpr std::uint16_t kRun = 0, kAcknowledge = 1, kAutotune = 2, kCount = 3;
 }
@@ -27,6 +30,8 @@ inline constexpr std::uint16_t kRun = 0, kAcknowledge = 1, kAutotune = 2, kCount
 /// The same zones as on CAN. The barrel zones are the units from the rig's on, in the order from the feed throat; the
 /// nozzle is the rig's unit + 4. Watchdog, for each unit by itself: no request for so long and it stops heating, until
 /// the next one.
+/// A contactor before all bands takes their power, whatever a relay does, as soon as no unit may heat, or while one is
+/// too hot or rises unasked.
 /// Refused as illegal address: what is read only; as illegal value: out of range; as device failure: to try out a zone
 /// that does not heat.
 class RtuHeater final : public RtuBoard {
@@ -38,6 +43,7 @@ class RtuHeater final : public RtuBoard {
   ~RtuHeater() override;
 
   void attach(modbus::RtuServer& server) override;
+  [[nodiscard]] std::vector<std::uint8_t> units() const override;
   void start(Instant now) override;
   void on_time(Instant now) override;
   [[nodiscard]] Instant next_deadline() const override;
@@ -49,6 +55,8 @@ class RtuHeater final : public RtuBoard {
 
  private:
   class Unit;
+
+  void switch_supply();
 
   HeaterSettings settings_;
   SampleClock clock_;

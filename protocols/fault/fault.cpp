@@ -56,20 +56,31 @@ bool is_in(std::string_view list, std::string_view word) {
   return false;
 }
 
+struct SplitTarget {
+  Target target{};
+  std::string object;
+};
+
 /// The wire fails for all, or one node on it.
 bool is_of_node(Kind kind) {
   return kind == Kind::kOpenCircuit || kind == Kind::kBabble || kind == Kind::kWrongBitRate || kind == Kind::kBusOff;
 }
 
-bool can_do(const KindInfo& info, const ObjectInfo* object, const Scope* scope) {
-  if (object != nullptr && !is_in(object->kinds, info.name)) return false;
-  return scope == nullptr || info.target != Target::kPlant || plant_can(info.kind, *scope);
+bool board_can(Kind kind, std::string_view board, const Scope& scope) {
+  const bool is_on_line = std::any_of(scope.rig.boards.begin(), scope.rig.boards.end(),
+                                      [&](const auto& each) { return each.name == board && each.is_on_line(); });
+  return !is_on_line || kind == Kind::kOff || kind == Kind::kReboot || kind == Kind::kHang || kind == Kind::kSlow;
 }
 
-struct SplitTarget {
-  Target target{};
-  std::string object;
-};
+/// @param where  the target that has the kind. @param object  the quantity behind it, or null.
+bool can_do(const KindInfo& info, const SplitTarget& where, const ObjectInfo* object, const Scope* scope) {
+  if (info.target != where.target) return false;
+  if (info.target == Target::kBus && is_of_node(info.kind) == where.object.empty()) return false;
+  if (object != nullptr && !is_in(object->kinds, info.name)) return false;
+  if (scope == nullptr) return true;
+  if (info.target == Target::kBoard) return board_can(info.kind, where.object, *scope);
+  return info.target != Target::kPlant || plant_can(info.kind, *scope);
+}
 
 SplitTarget split(std::string_view text) {
   const std::size_t dot = text.find('.');
@@ -98,8 +109,7 @@ const KindInfo& read_kind(const Section& section, const SplitTarget& where, cons
   const ObjectInfo* object = find_object(where.target, where.object);
   std::vector<std::string_view> possible;
   for (const KindInfo& info : vocabulary()) {
-    if (info.target != where.target || !can_do(info, object, scope)) continue;
-    if (info.target == Target::kBus && is_of_node(info.kind) == where.object.empty()) continue;
+    if (!can_do(info, where, object, scope)) continue;
     if (info.name == kind) return info;
     possible.push_back(info.name);
   }
@@ -205,7 +215,7 @@ std::vector<std::string> list_targets(const Scope& scope) {
   if (!scope.rig.controller_is_external) targets.emplace_back("program.controller");
   for (const config::RigLine& line : scope.rig.lines) targets.push_back("line." + line.name);
   for (const config::RigBoard& board : scope.rig.boards) {
-    if (!board.is_real && !board.is_on_line()) targets.push_back("board." + board.name);
+    if (!board.is_real) targets.push_back("board." + board.name);
   }
   for (const ObjectInfo& object : objects()) {
     if (has_board(scope.rig, object.board_kind)) {
@@ -220,9 +230,7 @@ std::vector<const KindInfo*> list_kinds(std::string_view target, const Scope& sc
   const ObjectInfo* object = find_object(where.target, where.object);
   std::vector<const KindInfo*> kinds;
   for (const KindInfo& info : vocabulary()) {
-    if (info.target != where.target || !can_do(info, object, &scope)) continue;
-    if (info.target == Target::kBus && is_of_node(info.kind) == where.object.empty()) continue;
-    kinds.push_back(&info);
+    if (can_do(info, where, object, &scope)) kinds.push_back(&info);
   }
   return kinds;
 }

@@ -240,6 +240,20 @@ void RtuServer::add(std::uint8_t unit, RegisterMap& map, Nanos answer_delay) {
   units_.push_back({unit, &map, std::max(answer_delay, timing_.t3_5)});
 }
 
+RtuServer::Unit* RtuServer::find(std::uint8_t unit) {
+  const auto found = std::find_if(units_.begin(), units_.end(), [&](const Unit& each) { return each.unit == unit; });
+  return found == units_.end() ? nullptr : &*found;
+}
+
+void RtuServer::set_present(std::uint8_t unit, bool present) {
+  if (Unit* const found = find(unit)) found->present = present;
+  if (!present && answering_ == unit) answer_at_ = Instant::never();
+}
+
+void RtuServer::set_extra_delay(std::uint8_t unit, Nanos delay) {
+  if (Unit* const found = find(unit)) found->extra_delay = delay;
+}
+
 void RtuServer::on_bytes(Instant at, std::span<const std::uint8_t> bytes) {
   while (!bytes.empty()) {
     bytes = bytes.subspan(reader_.take(at, bytes));
@@ -267,18 +281,19 @@ void RtuServer::reset() {
 void RtuServer::handle(Instant now, const Frame& frame) {
   if (frame.unit == kBroadcast) {
     if (!is_write(frame.pdu[0])) return;
-    for (const Unit& unit : units_) static_cast<void>(execute(now, frame.pdu, *unit.map));
+    for (const Unit& unit : units_) {
+      if (unit.present) static_cast<void>(execute(now, frame.pdu, *unit.map));
+    }
     return;
   }
-  const auto unit =
-      std::find_if(units_.begin(), units_.end(), [&](const Unit& each) { return each.unit == frame.unit; });
-  if (unit == units_.end()) return;
+  const Unit* const unit = find(frame.unit);
+  if (unit == nullptr || !unit->present) return;
   ++requests_;
   answer_ = execute(now, frame.pdu, *unit->map);
   if (answer_.size() == 0) return;
   if (exception_of(answer_.bytes()) != ExceptionCode::kNone) ++exceptions_;
   answering_ = frame.unit;
-  answer_at_ = frame.at + unit->answer_delay;
+  answer_at_ = frame.at + unit->answer_delay + unit->extra_delay;
 }
 
 }  // namespace meltbench::modbus

@@ -28,6 +28,11 @@ class RtuServer {
   /// @param map  must outlive the server.  @pre 1 <= unit <= kMaxUnit, once on the line.
   void add(std::uint8_t unit, RegisterMap& map, Nanos answer_delay = Nanos{});
 
+  /// A unit without power hears and says nothing; what it was about to say is lost. No effect for one that is not here.
+  void set_present(std::uint8_t unit, bool present);
+  /// On top of the unit's answer delay.
+  void set_extra_delay(std::uint8_t unit, Nanos delay);
+
   /// Bytes that came without a gap, the last one at `at`. @pre `at` is not before any earlier instant told.
   void on_bytes(Instant at, std::span<const std::uint8_t> bytes);
   /// Ends frames by silence and appends what is due to `out`.
@@ -46,7 +51,10 @@ class RtuServer {
     std::uint8_t unit;
     RegisterMap* map;
     Nanos answer_delay;
+    Nanos extra_delay{};
+    bool present = true;
   };
+  [[nodiscard]] Unit* find(std::uint8_t unit);
   void handle(Instant now, const Frame& frame);
 
   LineTiming timing_;

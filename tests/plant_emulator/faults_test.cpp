@@ -431,3 +431,34 @@ TEST_CASE("A heater without power is cold, and does not heat by itself when powe
   CHECK(bench.count(0x180U + kCamera) > 0);
   CHECK(bench.count(0x700U + kHeater) > 0);
 }
+
+TEST_CASE("A heater on a serial line loses the power of its bands with its own, and waits to be told when it is back",
+          "[fault]") {
+  Bench bench{"coupled_serial.toml", "[board.heater]\noutput = 'proportional'"};
+  bench.run(100ms);
+  REQUIRE(bench.value("barrel.power_zone1_W") > 0);
+  bench.begin("target = 'actuator.zone1'\nkind = 'welded_on'");
+  bench.run(100ms);
+  CHECK(bench.value("barrel.power_zone1_W") == 500);
+  const auto off = bench.begin("target = 'board.heater'\nkind = 'off'");
+  bench.run(100ms);
+  CHECK(bench.value("barrel.power_zone1_W") == 0);
+  CHECK(bench.value("barrel.power_nozzle_W") == 0);
+  bench.end(off);
+  bench.run(1s);
+  CHECK(bench.value("barrel.power_zone1_W") == 0);  // Nothing is released: the contactor is open.
+}
+
+TEST_CASE("A heater on a serial line that hangs keeps its bands as they are until its watchdog resets it", "[fault]") {
+  Bench bench{"coupled_serial.toml", "[board.heater]\noutput = 'proportional'\nwatchdog_ms = 200"};
+  bench.run(100ms);
+  const double before = bench.value("barrel.power_zone1_W");
+  REQUIRE(before > 0);
+  bench.begin("target = 'board.heater'\nkind = 'hang'\nwatchdog_ms = 600");
+  bench.run(590ms);
+  CHECK(bench.value("barrel.power_zone1_W") == before);  // Its own watchdog hangs, too.
+  CHECK(std::none_of(bench.events.begin(), bench.events.end(),
+                     [](const Event& one) { return one.code == "master-lost"; }));
+  bench.run(20ms);
+  CHECK(bench.value("barrel.power_zone1_W") == 0);
+}

@@ -15,6 +15,7 @@ using modbus::Table;
 namespace {
 
 constexpr std::uint8_t kUnit = 3;
+constexpr std::uint16_t kStatus = feeder_register::kReport + 4;
 
 /// A feeder with the registers that the controller uses: delivers a set point at once.
 class FakeSerialFeeder final : public modbus::RegisterMap {
@@ -29,6 +30,7 @@ class FakeSerialFeeder final : public modbus::RegisterMap {
 
   std::string_view product = "LIW-1";
   ExceptionCode refuses = ExceptionCode::kNone;
+  void set_status(std::uint16_t bits) { words_[kStatus] = bits; }
   std::vector<std::pair<Instant, float>> set_points;
 
   [[nodiscard]] float number(std::uint16_t at) const {
@@ -45,6 +47,7 @@ class FakeSerialFeeder final : public modbus::RegisterMap {
   ExceptionCode write_registers(Instant now, std::uint16_t first, std::span<const std::uint16_t> values) override {
     if (refuses != ExceptionCode::kNone) return refuses;
     put(first, values);
+    if (first == feeder_register::kLossOfMaster) words_[kStatus] = feeder_register::kConfigured;
     if (first == feeder_register::kSetPoint) {
       set_points.emplace_back(now, number(feeder_register::kSetPoint));
       put(feeder_register::kReport, values);
@@ -281,4 +284,18 @@ TEST_CASE("Serial feeder: a refused request is a trouble", "[machine]") {
   line.device.refuses = ExceptionCode::kDeviceFailure;
   line.cycle(4.0);
   CHECK(line.troubles == std::vector<std::string>{"device-refused"});
+}
+
+TEST_CASE("Serial feeder: one that was reset is told and configured anew, an empty one is told once", "[machine]") {
+  Line line;
+  line.run_to(Instant{100ms});
+  for (int i = 0; i < 5; ++i) line.cycle(3.0);
+  REQUIRE(line.troubles.empty());
+  line.device.set_status(0);
+  for (int i = 0; i < 20; ++i) line.cycle(3.0);
+  CHECK(line.troubles == std::vector<std::string>{"device-reset"});
+  CHECK(line.device.number(feeder_register::kLossOfMaster) == 3.0F);
+  line.device.set_status(feeder_register::kConfigured | feeder_register::kHopperEmpty);
+  for (int i = 0; i < 5; ++i) line.cycle(3.0);
+  CHECK(line.troubles == std::vector<std::string>{"device-reset", "feeder-empty"});
 }

@@ -54,6 +54,7 @@ struct Desk {
     const std::uint16_t at = modbus::load_word(request, 1);
     if (request[0] == 6) {
       registers.at(at) = modbus::load_word(request, 3);
+      if (at == zone_register::kHighAlarm) registers[zone_register::kState] = zone_register::kConfigured;
       return modbus::make_write_register(at, registers.at(at));
     }
     modbus::Pdu words{3, static_cast<std::uint8_t>(2 * modbus::load_word(request, 3))};
@@ -140,4 +141,16 @@ TEST_CASE("Serial zone: silence is told once, and its end", "[machine]") {
   desk.run_to(Instant{3s});
   CHECK(desk.zone.take_news());
   CHECK(desk.registers[10] == 1850);
+}
+
+TEST_CASE("Serial zone: one that was reset between two polls is told, and configured anew", "[machine]") {
+  Desk desk;
+  desk.run_to(Instant{1s});
+  desk.registers = {0, 250, 300};
+  desk.run_to(Instant{2s});
+  const auto trouble = desk.zone.take_trouble();
+  REQUIRE(trouble);
+  CHECK(trouble->code == "device-reset");
+  CHECK(desk.registers[10] == 1850);
+  CHECK_FALSE(desk.zone.take_trouble());
 }

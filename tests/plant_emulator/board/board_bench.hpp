@@ -41,6 +41,7 @@ class FakeProcess final : public Process {
   std::function<double(double t_s)> T_melt_at = [](double) { return kNothing; };
   std::array<bool, 5> thermocouple_is_open{};
   std::array<double, 5> heater_share{};
+  bool heater_supply = true;            // The contactor before them.
   std::optional<plant::Barrel> barrel;  // What the heaters heat, if the test has one.
   std::vector<std::pair<Instant, plant::MeltInlet>> inlets;
   plant::InletFlux flux;  // Its total is kept by advance_to().
@@ -73,6 +74,7 @@ class FakeProcess final : public Process {
       barrel->set_heater_W(channel, share * barrel->parameters().zones[channel].max_power_W);
     }
   }
+  void set_heater_supply(bool closed) override { heater_supply = closed; }
   void advance_to(Instant to) {
     if (barrel) barrel->advance(to_s(to - now_));
     flux.total_J_per_m2 += flux.now_W_per_m2 * to_s(to - now_);

@@ -127,7 +127,7 @@ TEST_CASE("RTU feeder: refuses what cannot be, and does nothing of it", "[board]
   CHECK(bench.order(modbus::make_read(Function::kReadHoldingRegisters, 10, 2)) == 2);
   CHECK(bench.order(modbus::make_read(Function::kReadInputRegisters, 25, 2)) == 2);
   CHECK(bench.order(modbus::make_read(Function::kReadCoils, 0, 6)) == 2);
-  CHECK(bench.order(modbus::make_read(Function::kReadDiscreteInputs, 7, 1)) == 2);
+  CHECK(bench.order(modbus::make_read(Function::kReadDiscreteInputs, 8, 1)) == 2);
   CHECK(bench.order(modbus::make_write_coil(coil::kRefill, true)) == 4);  // No refill is fitted.
   CHECK(bench.order(modbus::Pdu{0x11}) == 1);
   CHECK(bench.board.flow_kg_per_h() == 2.5);
@@ -250,4 +250,16 @@ TEST_CASE("Feeder: told to be volumetric it holds its drive command", "[board][m
   CHECK(bench.last_feed_kg_per_h() == Approx(3.6 * 1.02 / 1.04).epsilon(1e-3));
   REQUIRE(bench.order(modbus::make_write_coil(coil::kVolumetricMode, false)) == 0);
   CHECK(bench.last_feed_kg_per_h() == Approx(3.6).epsilon(1e-6));
+}
+
+TEST_CASE("RTU feeder: powered up again it has forgotten what was written, and says so", "[board][modbus]") {
+  FeederBench bench;
+  CHECK((bench.status() & board::kFeederConfigured) == 0);
+  CHECK(bench.write(reg::kLossOfMaster, 1.5F) == 0);
+  CHECK(bench.write(reg::kWatchdog, std::uint16_t{400}) == 0);
+  CHECK((bench.status() & board::kFeederConfigured) != 0);
+  bench.board.start(bench.now);
+  CHECK((bench.status() & board::kFeederConfigured) == 0);
+  CHECK(bench.read_float(reg::kLossOfMaster) == 3.5F);
+  CHECK(bench.read(reg::kWatchdog) == 200);
 }

@@ -124,3 +124,36 @@ TEST_CASE("RTU heater: holds its zones as the one on CAN does", "[board][modbus]
     CHECK((bench.read(reg::kState, unit) & board::kZoneWarm) != 0);
   }
 }
+
+TEST_CASE("RTU heater: its contactor is closed only while a zone may heat, and open when one is too hot",
+          "[board][modbus]") {
+  board::HeaterSettings settings = make_settings();
+  settings.watchdog_ms = 500;
+  WarmBarrel bench{settings};
+  CHECK_FALSE(bench.process.heater_supply);
+  bench.heat(kZone1);
+  CHECK(bench.process.heater_supply);
+  bench.run_to(bench.now + 1s);  // Nobody asks any more.
+  CHECK_FALSE(bench.process.heater_supply);
+  bench.heat(kNozzle);
+  CHECK(bench.process.heater_supply);
+  CHECK(bench.set(reg::kHighAlarm, 100, kNozzle) == 0);  // 10 degC: it is hotter.
+  bench.run_to(bench.now + 200ms);
+  CHECK_FALSE(bench.process.heater_supply);
+}
+
+TEST_CASE("RTU heater: powered up again it has forgotten what was written, does not heat, and says so",
+          "[board][modbus]") {
+  board::HeaterSettings settings = make_settings();
+  settings.warm_start = true;
+  HeaterBench bench{settings};
+  CHECK(bench.read(reg::kRun) == 1);  // It begins in control of warm zones.
+  CHECK((bench.read(reg::kState) & board::kZoneConfigured) == 0);
+  CHECK(bench.set(reg::kHighAlarm, 2000) == 0);
+  CHECK((bench.read(reg::kState) & board::kZoneConfigured) != 0);
+  bench.board.start(bench.now);
+  CHECK(bench.read(reg::kRun) == 0);
+  CHECK(bench.read(reg::kHighAlarm) == 3000);
+  CHECK((bench.read(reg::kState) & board::kZoneConfigured) == 0);
+  CHECK_FALSE(bench.process.heater_supply);
+}

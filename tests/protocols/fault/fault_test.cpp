@@ -69,6 +69,15 @@ TEST_CASE("What a target cannot do is refused with the list of what it can", "[f
   CHECK_THAT(bizone.refusal("target = 'frame'\nkind = 'drop'\nwhere = 3"), Contains("where"));
 }
 
+TEST_CASE("A board on a serial line fails as a whole by power, firmware and delay alone", "[fault]") {
+  const Bench bench{"coupled_serial.toml"};
+  CHECK(bench.refusal("target = 'board.heater'\nkind = 'off'") == "accepted");
+  CHECK(bench.refusal("target = 'board.feeder'\nkind = 'slow'\ndelay_ms = 5") == "accepted");
+  CHECK_THAT(bench.refusal("target = 'board.feeder'\nkind = 'emcy_storm'"),
+             Contains("it can: off, reboot, hang, slow"));
+  CHECK(bench.refusal("target = 'board.melt_camera'\nkind = 'emcy_storm'") == "accepted");
+}
+
 TEST_CASE("Our own controller can be killed, one that is external cannot", "[fault]") {
   Bench bench{"coupled.toml"};
   const std::string text = "target = 'program.controller'\nkind = ";

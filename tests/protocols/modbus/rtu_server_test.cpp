@@ -164,3 +164,21 @@ TEST_CASE("Server: an unknown function is refused when silence has ended the fra
   CHECK(line.sent == make_frame(1, Pdu{0x87, 1}));
   CHECK(line.server.exceptions() == 1);
 }
+
+TEST_CASE("Server: a unit without power hears and says nothing, and may be later than it is", "[modbus]") {
+  Line line;
+  line.hear(make_frame(2, make_read(Function::kReadCoils, 0, 1)));
+  line.server.set_present(2, false);  // Before its answer has left.
+  line.run_to(line.now + 1s);
+  line.hear(make_frame(2, make_write_coil(0, true)));
+  line.run_to(line.now + 1s);
+  line.hear(make_frame(0, make_write_coil(0, true)));
+  line.run_to(line.now + 1s);
+  CHECK(line.sent.empty());
+  CHECK(line.second.writes == 0);
+  CHECK(line.first.writes == 1);
+  line.server.set_present(2, true);
+  line.server.set_extra_delay(2, 30ms);
+  line.hear(make_frame(2, make_read(Function::kReadCoils, 0, 1)));
+  CHECK(line.server.next_deadline() == line.now + 35ms);
+}
