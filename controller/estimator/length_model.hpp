@@ -4,7 +4,7 @@
 #include <cstddef>
 
 #include "controller/law/bizone_model.hpp"
-#include "controller/law/ring.hpp"
+#include "protocols/time/ring.hpp"
 
 namespace meltbench::estimator {
 
@@ -41,7 +41,7 @@ class LengthModel {
 
   law::BizoneModel model_;
   double correction_m_;
-  law::Ring<Entered> entered_;
+  Ring<Entered> entered_;
   double U_before_ = 0.0;  // Of what is no longer kept.
   double entered_until_m_ = 0.0;
   double s_m_ = 0.0;

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <span>
 
-#include "controller/law/ring.hpp"
+#include "protocols/time/ring.hpp"
 
 namespace meltbench::law {
 

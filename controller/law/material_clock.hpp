@@ -3,8 +3,8 @@
 
 #include <cstddef>
 
-#include "controller/law/ring.hpp"
 #include "protocols/time/instant.hpp"
+#include "protocols/time/ring.hpp"
 
 namespace meltbench::law {
 

@@ -6,7 +6,7 @@
 
 #include "controller/law/bizone_model.hpp"
 #include "controller/law/exact_predictor.hpp"
-#include "controller/law/ring.hpp"
+#include "protocols/time/ring.hpp"
 
 namespace meltbench::law {
 

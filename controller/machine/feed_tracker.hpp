@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "controller/law/delay_law.hpp"
-#include "controller/law/ring.hpp"
 #include "protocols/time/instant.hpp"
+#include "protocols/time/ring.hpp"
 
 namespace meltbench::machine {
 
@@ -61,7 +61,7 @@ class FeedTracker {
 
   Nanos latency_;
   Nanos cycle_;
-  law::Ring<Command> commands_;
+  Ring<Command> commands_;
   std::vector<law::FeedInterval> intervals_;
   std::optional<Instant> known_until_;
   double flow_ = 0.0;

@@ -55,7 +55,7 @@ class SampleRecord {
     Instant at;
     double value = 0.0;
   };
-  law::Ring<Sample> samples_;
+  Ring<Sample> samples_;
 };
 
 /// What is asked of the feeder, and what it was chosen for.
@@ -115,8 +115,6 @@ class LengthLoop {
   [[nodiscard]] std::optional<Instant> implausible_since() const { return implausible_since_; }
   /// Since when the pressure has not fitted to what was fed: such samples are not used. Nothing: it fits.
   [[nodiscard]] std::optional<Instant> disagrees_since() const { return disagrees_since_; }
-  /// Filled length by the mass balance, (E4).
-  [[nodiscard]] double x_balance_m() const { return balance_.x_m(); }
 
  private:
   void start_laws(double U);

@@ -12,9 +12,9 @@
 #include "controller/estimator/melt_observer.hpp"
 #include "controller/law/melt_law.hpp"
 #include "controller/law/melt_reference.hpp"
-#include "controller/law/ring.hpp"
 #include "controller/safety/melt_interlock.hpp"
 #include "protocols/time/instant.hpp"
+#include "protocols/time/ring.hpp"
 
 namespace meltbench::machine {
 
@@ -96,7 +96,7 @@ class FrontTracker {
   };
   static constexpr std::size_t kImages = 64;
   static constexpr double kSpan_m = 1e-3;
-  law::Ring<Image> images_;
+  Ring<Image> images_;
   double span_s_ = 0.0;
 };
 

@@ -13,6 +13,19 @@ namespace {
 constexpr double kPaPerBar = 1e5;
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
+/// One line of the interlock table. All of them have the same reaction: the safe state. A limit in seconds is also the
+/// time within which it reacts; the others react in the next cycle.
+struct Interlock {
+  Trip trip{};
+  std::string_view code;                ///< Stable, in kebab case: "measurement-stale".
+  std::string_view source;              ///< What is looked at.
+  std::string_view unit;                ///< Of value and limit, as messages have them.
+  double (*value)(const Observation&);  ///< In that unit; not a number: unknown, trips nothing.
+  double (*limit)(const Limits&);
+  bool at_limit = false;  ///< The limit itself trips already.
+  std::string_view hint;  ///< What to look at.
+};
+
 constexpr std::array kInterlocks{
     Interlock{Trip::kPressureHigh, "pressure-high", "melt pressure", "bar",
               [](const Observation& seen) { return seen.pressure_Pa.value_or(kUnknown) / kPaPerBar; },
@@ -55,10 +68,6 @@ const Interlock& find(Trip trip) {
 }
 
 }  // namespace
-
-std::span<const Interlock> interlocks() {
-  return kInterlocks;
-}
 
 Trip judge(const Limits& limits, const Observation& seen) {
   for (const Interlock& one : kInterlocks) {

@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <optional>
-#include <span>
 #include <string>
 #include <string_view>
 
@@ -50,21 +49,6 @@ enum class Trip : std::uint8_t {
   kScrewStale,
   kFeedStale,
 };
-
-/// One line of the interlock table. All of them have the same reaction: the safe state.
-struct Interlock {
-  Trip trip{};
-  std::string_view code;                ///< Stable, in kebab case: "measurement-stale".
-  std::string_view source;              ///< What is looked at.
-  std::string_view unit;                ///< Of value and limit, as messages have them.
-  double (*value)(const Observation&);  ///< In that unit; not a number: unknown, trips nothing.
-  double (*limit)(const Limits&);
-  bool at_limit = false;  ///< The limit itself trips already.
-  std::string_view hint;  ///< What to look at.
-};
-
-/// The table. A limit in seconds is also the time within which it reacts; the others react in the next cycle.
-[[nodiscard]] std::span<const Interlock> interlocks();
 
 /// The most urgent reason, in the order of Trip. A number that is missing trips nothing by itself: its age does.
 [[nodiscard]] Trip judge(const Limits& limits, const Observation& seen);

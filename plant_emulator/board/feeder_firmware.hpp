@@ -8,7 +8,7 @@
 #include "plant_emulator/board/process.hpp"
 #include "plant_emulator/board/sampling.hpp"
 #include "plant_emulator/board/settings.hpp"
-#include "plant_emulator/model/ring.hpp"
+#include "protocols/time/ring.hpp"
 
 namespace meltbench::board {
 
@@ -85,7 +85,6 @@ class FeederFirmware {
   [[nodiscard]] bool is_refilling() const { return refilling_; }
   [[nodiscard]] bool is_volumetric() const { return volumetric_; }
   [[nodiscard]] bool is_told_volumetric() const { return told_volumetric_; }
-  [[nodiscard]] bool is_master_lost() const { return master_lost_; }
   [[nodiscard]] double set_point_kg_per_h() const { return set_point_kg_per_h_; }  ///< The last one that was a number.
   [[nodiscard]] float flow_kg_per_h() const { return flow_kg_per_h_; }  ///< Delivered now, as far as it knows.
   [[nodiscard]] Nanos flow_age(Instant now) const { return now - changed_at_; }
@@ -135,7 +134,7 @@ class FeederFirmware {
   Process& process_;
   FeederListener& listener_;
 
-  plant::Ring<Change> pending_;
+  Ring<Change> pending_;
   float scheduled_kg_per_h_ = 0;  // The newest that has been scheduled.
   float flow_kg_per_h_ = 0;       // Delivered now, as the firmware has it,
   double true_kg_per_h_ = 0;      // and in truth.

@@ -9,7 +9,7 @@
 #include "plant_emulator/board/board.hpp"
 #include "plant_emulator/board/sampling.hpp"
 #include "plant_emulator/board/settings.hpp"
-#include "plant_emulator/model/ring.hpp"
+#include "protocols/time/ring.hpp"
 
 namespace meltbench::board {
 
@@ -64,8 +64,8 @@ class MeltCamera final : public Board {
   canopen::OdValue<float> front_fv_, T_fv_, front_pv_, T_pv_;
 
   Instant taken_at_ = SampleClock::kNone;
-  plant::Ring<Image> pending_;  // Taken, not yet available.
-  Image good_;                  // The newest that was not lost.
+  Ring<Image> pending_;  // Taken, not yet available.
+  Image good_;           // The newest that was not lost.
   bool newest_is_lost_ = false;
   std::uint8_t good_number_ = 0;
   std::uint32_t lost_images_ = 0;

@@ -10,7 +10,7 @@
 #include "plant_emulator/board/board.hpp"
 #include "plant_emulator/board/sampling.hpp"
 #include "plant_emulator/board/settings.hpp"
-#include "plant_emulator/model/ring.hpp"
+#include "protocols/time/ring.hpp"
 
 namespace meltbench::board {
 
@@ -81,7 +81,7 @@ class MeltPressure final : public Board {
   canopen::OdValue<float> field_bar_, pv_bar_, offset_bar_, field_degC_, pv_degC_;
 
   Instant sampled_at_ = SampleClock::kNone;
-  plant::Ring<Sample> pending_;  // Taken, not yet available.
+  Ring<Sample> pending_;  // Taken, not yet available.
   Sample newest_;
   std::array<double, kMaxFilter> recent_Pa_{};
   std::size_t recent_count_ = 0;  // Samples since power-up.

@@ -11,7 +11,7 @@
 #include "plant_emulator/board/board.hpp"
 #include "plant_emulator/board/sampling.hpp"
 #include "plant_emulator/board/settings.hpp"
-#include "plant_emulator/model/ring.hpp"
+#include "protocols/time/ring.hpp"
 
 namespace meltbench::board {
 
@@ -103,7 +103,7 @@ class Preconditioner final : public Board {
   bool orders_waiting_ = false;
 
   Instant sampled_at_ = SampleClock::kNone;
-  plant::Ring<Sample> pending_;  // Taken, not yet available.
+  Ring<Sample> pending_;  // Taken, not yet available.
   Sample newest_;
   Instant synced_at_{};
   plant::InletFlux at_sync_, at_sync_before_;  // Totals.

@@ -3,8 +3,8 @@
 
 #include <cstddef>
 
-#include "plant_emulator/model/ring.hpp"
 #include "plant_emulator/model/screw_clock.hpp"
+#include "protocols/time/ring.hpp"
 
 namespace meltbench::plant {
 

@@ -118,7 +118,6 @@ class MeltFront {
   ///   d/dt [ s + c_s/ΔH ∫(T_m - T_s) ] = -β k_l T_l,x(s) - β q_f + c_s/ΔH [ b (T_m - T_s(0)) - h_s ∫(T_b - T_s) ] (M6)
   /// stored = left side integrated, supplied = right side; their difference is the discretisation's energy error.
   [[nodiscard]] double energy_stored_m() const noexcept;
-  [[nodiscard]] double energy_supplied_m() const noexcept { return energy_supplied_m_; }
   [[nodiscard]] double energy_residual_m() const noexcept { return energy_stored_m() - energy_supplied_m_; }
 
  private:

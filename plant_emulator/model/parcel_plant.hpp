@@ -3,7 +3,7 @@
 
 #include <cstddef>
 
-#include "plant_emulator/model/ring.hpp"
+#include "protocols/time/ring.hpp"
 
 namespace meltbench::plant {
 

@@ -82,11 +82,6 @@ std::optional<char> slcan_bit_rate_digit(std::uint32_t bit_rate_bit_per_s) {
   return static_cast<char>('0' + (found - kBitRates.begin()));
 }
 
-std::optional<std::uint32_t> slcan_bit_rate(char digit) {
-  if (digit < '0' || digit > '8') return std::nullopt;
-  return kBitRates[static_cast<std::size_t>(digit - '0')];
-}
-
 void SlcanLines::feed(std::span<const std::uint8_t> bytes) {
   text_.erase(0, read_);
   read_ = 0;

@@ -43,8 +43,6 @@ struct SlcanFrame {
 /// The digit behind 'S' for a bit rate [bit/s]: '0' for 10000 ... '6' for 500000, '8' for 1000000; nothing if there is
 /// none.
 [[nodiscard]] std::optional<char> slcan_bit_rate_digit(std::uint32_t bit_rate_bit_per_s);
-/// The bit rate [bit/s] that such a digit means.
-[[nodiscard]] std::optional<std::uint32_t> slcan_bit_rate(char digit);
 
 /// Cuts a stream of bytes into lines, whatever pieces it comes in.
 ///

@@ -74,11 +74,6 @@ std::uint8_t PdoConfiguration::length() const {
   return static_cast<std::uint8_t>(bits / 8);
 }
 
-SdoStep make_pdo_off_step(PdoDirection direction, unsigned number, std::uint32_t id) {
-  return write_step(offset_index(pdo_parameter_index(direction), number), 1, id | kPdoInvalid,
-                    "switch an unused PDO off");
-}
-
 ConfigurationQueue::ConfigurationQueue(std::uint8_t node, std::string name, Nanos timeout)
     : name_{std::move(name)}, client_{node, timeout} {}
 

@@ -77,9 +77,6 @@ struct PdoConfiguration {
   [[nodiscard]] std::uint8_t length() const;  ///< Bytes of the mapping.
 };
 
-/// The steps that switch a PDO off.
-[[nodiscard]] SdoStep make_pdo_off_step(PdoDirection direction, unsigned number, std::uint32_t id);
-
 /// Works off a list of SDO steps against one node, one after the other, and stops at the first that fails.
 class ConfigurationQueue {
  public:

@@ -38,8 +38,6 @@ class ParameterStore {
   [[nodiscard]] std::vector<std::uint8_t> to_image() const;
   [[nodiscard]] bool load_image(std::span<const std::uint8_t> image);
 
-  [[nodiscard]] bool is_empty() const { return values_.empty(); }
-
  private:
   std::map<ObjectAddress, std::vector<std::uint8_t>> values_;
 };

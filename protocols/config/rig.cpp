@@ -220,11 +220,6 @@ Rig read_rig(const Section& root) {
   return rig;
 }
 
-const serial::LineSettings& settings_of_line(const Rig& rig, std::string_view line) {
-  return std::find_if(rig.lines.begin(), rig.lines.end(), [&](const RigLine& one) { return one.name == line; })
-      ->settings;
-}
-
 std::vector<TimelineEvent> read_events(const Section& root, const Rig& rig, std::string_view target) {
   std::vector<std::string> targets{"controller", "plant", "bus"};
   for (const RigBoard& board : rig.boards) targets.push_back("board." + board.name);

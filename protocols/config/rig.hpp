@@ -87,9 +87,6 @@ struct Rig {
   [[nodiscard]] bool has_emulated_board() const;
 };
 
-/// Settings of a line by its name. @pre the rig has that line.
-[[nodiscard]] const serial::LineSettings& settings_of_line(const Rig& rig, std::string_view line);
-
 /// Reads the common part, and marks the top-level names that others read.
 /// @throws ConfigError: a node id twice or out of 1..127, an EDS file that is not there, a line that is not there, a
 /// unit twice on a line or out of 1..247, no board.

@@ -47,8 +47,6 @@ class FrameReader {
   /// Forgets what is under way.
   void reset() { size_ = 0, garbled_ = false; }
 
-  /// When the newest byte was there.
-  [[nodiscard]] std::optional<Instant> last_byte_at() const { return last_byte_at_; }
   [[nodiscard]] std::uint64_t frames_lost() const { return frames_lost_; }
 
  private:

@@ -59,11 +59,6 @@ std::uint16_t load_word(std::span<const std::uint8_t> bytes, std::size_t at) {
   return static_cast<std::uint16_t>((bytes[at] << 8U) | bytes[at + 1]);
 }
 
-void store_word(std::span<std::uint8_t> bytes, std::size_t at, std::uint16_t word) {
-  bytes[at] = static_cast<std::uint8_t>(word >> 8U);
-  bytes[at + 1] = static_cast<std::uint8_t>(word & 0xFFU);
-}
-
 LineTiming make_line_timing(std::uint32_t baud_rate, unsigned bits_per_character) {
   const auto times = [&](Nanos::rep half_bits) {
     return Nanos{half_bits * bits_per_character * 1'000'000'000 / (2 * Nanos::rep{baud_rate})};

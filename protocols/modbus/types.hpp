@@ -67,7 +67,6 @@ enum class Table : std::uint8_t { kCoils, kDiscreteInputs, kInputRegisters, kHol
 
 /// Big-endian word at bytes[at], bytes[at + 1]. @pre they are there.
 [[nodiscard]] std::uint16_t load_word(std::span<const std::uint8_t> bytes, std::size_t at);
-void store_word(std::span<std::uint8_t> bytes, std::size_t at, std::uint16_t word);
 
 /// Times on a line. A frame is followed by silence of at least t3_5; characters of one frame follow each other within
 /// t1_5. USB adapters and ptys cannot keep t1_5, so a reader here takes gaps up to t3_5.

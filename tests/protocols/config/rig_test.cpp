@@ -182,8 +182,8 @@ TEST_CASE("Rig: a board on a serial line has a unit instead of a node id", "[con
   root.finish();
   REQUIRE(rig.lines.size() == 2);
   CHECK(rig.lines[0].name == "hopper");
-  CHECK(settings_of_line(rig, "hopper") == serial::LineSettings{115'200, serial::Parity::kNone, 1});
-  CHECK(settings_of_line(rig, "other") == serial::LineSettings{19'200, serial::Parity::kEven, 1});
+  CHECK(rig.lines[0].settings == serial::LineSettings{115'200, serial::Parity::kNone, 1});
+  CHECK(rig.lines[1].settings == serial::LineSettings{19'200, serial::Parity::kEven, 1});
   REQUIRE(rig.boards.size() == 1);
   CHECK(rig.boards[0].is_on_line());
   CHECK(rig.boards[0].line == "hopper");

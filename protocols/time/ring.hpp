@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <vector>
 
-namespace meltbench::law {
+namespace meltbench {
 
 /// First in, first out; capacity fixed at construction (rounded up to a power of two), no allocation afterwards.
 /// Index 0 is the oldest element.
@@ -34,4 +34,4 @@ class Ring {
   std::size_t begin_ = 0, end_ = 0;  // Count up for ever; the mask folds them.
 };
 
-}  // namespace meltbench::law
+}  // namespace meltbench
