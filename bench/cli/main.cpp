@@ -177,14 +177,26 @@ void add_extract_command(CLI::App& app, cli::ExtractRequest& request) {
 }
 
 void add_record_command(CLI::App& app, cli::RecordRequest& request) {
-  CLI::App* record = app.add_subcommand("record", "Record a bus as candump text, until Ctrl-C");
-  record->add_option("bus", request.can, "can0, vcan0 ..., or slcan:PORT@BIT_RATE")->required();
+  CLI::App* record =
+      app.add_subcommand("record", "Record a bus as candump text, and serial lines beside it, until Ctrl-C");
+  record
+      ->add_option("bus", request.can,
+                   "can0, vcan0 ..., slcan:PORT@BIT_RATE, virtual:NAME of a run at --pace realtime; none: lines only")
+      ->required();
+  record->add_option("--line", request.lines,
+                     "NAME=PORT, e.g. feeder=/dev/ttyUSB0@19200:8E1 (the default): a serial line, to NAME.serial.log. "
+                     "A port hears what it receives: between two others on RS-485 it hears both, on RS-232 a tap "
+                     "adapter has a port for each. NAME alone: a line of virtual:NAME");
+  record->add_option("--rig", request.rig, "The machine: named in the head, and knows the settings of its lines");
   record->add_option("--out", request.out, "File; it must not be there yet  (default: BUS-DATE_TIME.log)");
   record->add_option("--rotate-mb", request.rotate_MB, "A new file (NAME.2.log ...) before one has so many megabytes")
       ->check(CLI::Range(0.01, 1e6));
   record->add_option("--rotate-min", request.rotate_min, "A new file after so many minutes")
       ->check(CLI::Range(0.01, 1e6));
-  record->footer("Example: meltbench record can0 --out night.log --rotate-min 60");
+  record->footer(
+      "Examples: meltbench record can0 --out night.log --rotate-min 60\n"
+      "          meltbench record can0 --line feeder=/dev/ttyUSB0@115200:8E1\n"
+      "          meltbench record virtual:bench --line dosing");
 }
 
 void add_show_command(CLI::App& app, cli::ShowRequest& request) {

@@ -1,19 +1,19 @@
 #pragma once
-/// Writes down what goes over a bus, as long as it is asked to.
+/// Writes down what goes over a CAN bus.
 
 #include <cstdint>
-#include <functional>
 #include <string>
 
 #include "bench/record/log_files.hpp"
+#include "bench/record/wire_recorder.hpp"
 #include "protocols/link/can_link.hpp"
 
 namespace meltbench::record {
 
 struct BusRecorderRequest {
   std::string device;  ///< Name in the lines, e.g. "can0".
-  Nanos
-      epoch_offset{};  ///< CLOCK_REALTIME minus CLOCK_MONOTONIC when the recording began: one time base for all of it.
+  /// CLOCK_REALTIME minus CLOCK_MONOTONIC when the recording began: one time base for all of it.
+  Nanos epoch_offset{};
 };
 
 struct BusRecorderResult {
@@ -25,13 +25,33 @@ struct BusRecorderResult {
 /// Gives the link's socket the largest receive buffer that this user may have. @returns its bytes.
 std::size_t enlarge_receive_buffer(int socket);
 
-/// Lines are in the file at the latest so long after they were received, and a frame or two.
-inline constexpr Nanos kFlushEvery = 50ms;
+/// candump text of a bus. Frames that the kernel dropped become a DROPCOUNT line as candump writes it, a bus that goes
+/// away and comes back a comment.
+class BusRecorder final : public WireRecorder {
+ public:
+  /// @param link, files  outlive it.
+  BusRecorder(link::CanLink& link, LogFiles& files, BusRecorderRequest request);
 
-/// Records until `stop` says so, and then takes what still waits. Frames that the
-/// kernel dropped become a DROPCOUNT line as candump writes it, a bus that goes away and comes back a comment.
-/// @throws std::system_error if a file cannot be written.
-[[nodiscard]] BusRecorderResult record_bus(link::CanLink& link, LogFiles& files, const BusRecorderRequest& request,
-                                           const std::function<bool()>& stop);
+  void watch(std::vector<pollfd>& watched) const override;
+  void take() override;
+  void flush() override { files_.flush(); }
+  void finish(Nanos stopped_at) override;
+  [[nodiscard]] const BusRecorderResult& result() const { return result_; }
+
+ private:
+  [[nodiscard]] bool take_one();
+  void note_drops();
+  void note_link(bool is_up);
+
+  link::CanLink& link_;
+  LogFiles& files_;
+  BusRecorderRequest request_;
+  BusRecorderResult result_;
+  Instant at_{};
+  int known_fd_ = -1;
+  std::uint64_t kernel_count_ = 0;
+  bool was_up_ = true;
+  std::string line_;
+};
 
 }  // namespace meltbench::record

@@ -14,6 +14,7 @@
 #include <unordered_set>
 
 #include "bench/record/block_file.hpp"
+#include "bench/record/line_recorder.hpp"
 #include "protocols/can/candump.hpp"
 
 namespace meltbench::record {
@@ -177,12 +178,7 @@ void RunRecorder::frame(const can::StampedFrame& stamped, std::uint8_t sender) {
 void RunRecorder::serial(std::string_view line, std::string_view sender, Instant at,
                          std::span<const std::uint8_t> bytes) {
   if (!files_ || !files_->serial) return;
-  std::string& text = files_->serial->text();
-  const auto us = at.since_start / 1us;
-  fmt::format_to(std::back_inserter(text), FMT_COMPILE("({:010}.{:06}) {} {} "), us / 1'000'000, us % 1'000'000, line,
-                 sender);
-  for (const std::uint8_t byte : bytes) fmt::format_to(std::back_inserter(text), FMT_COMPILE("{:02X}"), byte);
-  text += '\n';
+  append_serial_line(files_->serial->text(), at, line, sender, bytes);
   files_->serial->end_line();
 }
 

@@ -99,8 +99,7 @@ RigLine read_line(const Section& line, const std::string& name) {
   }
   result.settings.baud_rate = static_cast<std::uint32_t>(rate);
   const std::string format = line.choice_or("format", "8E1", {"8E1", "8N1", "8O1", "8N2"});
-  if (format[1] != 'E') result.settings.parity = format[1] == 'O' ? serial::Parity::kOdd : serial::Parity::kNone;
-  result.settings.stop_bits = static_cast<std::uint8_t>(format[2] - '0');
+  result.settings = *serial::with_format(result.settings, format);
   return result;
 }
 

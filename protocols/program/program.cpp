@@ -26,30 +26,12 @@ constexpr int kExitOk = 0;
 constexpr int kExitBadInput = 2;
 constexpr int kExitLost = 3;
 
-struct Joined {
-  link::BenchSocket socket;
-  link::Welcome welcome;
-};
-
-/// Says hello to a broker and waits for its welcome. Nothing: the broker went away, or we were told to stop, before.
-std::optional<Joined> join(const Participant& participant, const std::string& bus_name, bool carries_frames) {
-  link::BenchSocket socket{link::connect_embedded_bus(bus_name)};
+runtime::Hello introduce(const Participant& participant, bool carries_frames) {
   runtime::Hello hello{std::string{participant.name()}, carries_frames, {}, {}, {}};
   hello.signals.assign(participant.signals().begin(), participant.signals().end());
   hello.nodes.assign(participant.nodes().begin(), participant.nodes().end());
   hello.lines.assign(participant.lines().begin(), participant.lines().end());
-  link::MessageWriter writer;
-  runtime::write_hello(writer, hello);
-  if (!socket.send(writer.bytes())) return std::nullopt;
-  std::span<const std::uint8_t> message;
-  while (!runtime::stop_requested()) {
-    const link::ReceiveStatus status = socket.receive(message);
-    if (status == link::ReceiveStatus::kClosed) return std::nullopt;
-    if (status != link::ReceiveStatus::kMessage) continue;
-    if (runtime::message_type(message) == link::MessageType::kStop) return std::nullopt;
-    if (const auto welcome = runtime::read_welcome(message)) return Joined{std::move(socket), *welcome};
-  }
-  return std::nullopt;
+  return hello;
 }
 
 int to_exit_status(runtime::DriverEnd end) {
@@ -95,7 +77,7 @@ class OwnPorts {
 };
 
 int run_on_embedded_bus(Participant& participant, const std::string& bus_name, const OwnPorts& ports) {
-  auto joined = join(participant, bus_name, true);
+  auto joined = runtime::join_bench(introduce(participant, true), bus_name);
   if (!joined) return runtime::stop_requested() ? kExitOk : kExitLost;
   if (joined->welcome.pace == link::Pace::kLockstep) {
     if (!ports.empty())
@@ -112,7 +94,7 @@ int run_on_own_bus(Participant& participant, link::CanLink& can, const std::stri
     link::Welcome timing{link::Pace::kWallClock, 1.0, runtime::read_monotonic(), 10ms};
     return to_exit_status(runtime::RealTimeDriver{participant, can, nullptr, timing, ports.with_bench(nullptr)}.run());
   }
-  auto joined = join(participant, link::parse_bus_uri(bench).name, false);
+  auto joined = runtime::join_bench(introduce(participant, false), link::parse_bus_uri(bench).name);
   if (!joined) return runtime::stop_requested() ? kExitOk : kExitLost;
   runtime::BenchClient client{std::move(joined->socket), participant.lines().size()};
   return to_exit_status(

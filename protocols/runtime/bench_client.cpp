@@ -1,8 +1,25 @@
 #include "protocols/runtime/bench_client.hpp"
 
 #include "protocols/runtime/real_time_clock.hpp"
+#include "protocols/runtime/stop_signal.hpp"
 
 namespace meltbench::runtime {
+
+std::optional<JoinedBench> join_bench(const Hello& hello, const std::string& bus_name) {
+  link::BenchSocket socket{link::connect_embedded_bus(bus_name)};
+  link::MessageWriter writer;
+  write_hello(writer, hello);
+  if (!socket.send(writer.bytes())) return std::nullopt;
+  std::span<const std::uint8_t> message;
+  while (!stop_requested()) {
+    const link::ReceiveStatus status = socket.receive(message);
+    if (status == link::ReceiveStatus::kClosed) return std::nullopt;
+    if (status != link::ReceiveStatus::kMessage) continue;
+    if (message_type(message) == link::MessageType::kStop) return std::nullopt;
+    if (const auto welcome = read_welcome(message)) return JoinedBench{std::move(socket), *welcome};
+  }
+  return std::nullopt;
+}
 
 std::size_t BenchLine::write(std::span<const std::uint8_t> bytes) noexcept {
   return client_.send_serial(number_, bytes) ? bytes.size() : 0;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -12,6 +13,17 @@
 #include "protocols/runtime/bench_protocol.hpp"
 
 namespace meltbench::runtime {
+
+/// A connection to a broker that has welcomed us.
+struct JoinedBench {
+  link::BenchSocket socket;
+  link::Welcome welcome;
+};
+
+/// Says hello to the broker of bus `bus_name` and waits for its welcome.
+/// @returns nothing if the broker went away, or we were told to stop, before.
+/// @throws link::LinkError if there is no such bus.
+[[nodiscard]] std::optional<JoinedBench> join_bench(const Hello& hello, const std::string& bus_name);
 
 class BenchClient;
 

@@ -2,6 +2,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
 
 #include "protocols/time/instant.hpp"
 
@@ -18,6 +21,18 @@ struct LineSettings {
 
   bool operator==(const LineSettings&) const = default;
 };
+
+/// "8E1", "8N1", "8O1", "8N2": what write_format() gives. @returns nothing if it is none of them.
+[[nodiscard]] constexpr std::optional<LineSettings> with_format(LineSettings line, std::string_view format) {
+  if (format != "8E1" && format != "8N1" && format != "8O1" && format != "8N2") return std::nullopt;
+  line.parity = format[1] == 'E' ? Parity::kEven : format[1] == 'O' ? Parity::kOdd : Parity::kNone;
+  line.stop_bits = static_cast<std::uint8_t>(format[2] - '0');
+  return line;
+}
+[[nodiscard]] inline std::string write_format(const LineSettings& line) {
+  const char parity = line.parity == Parity::kEven ? 'E' : line.parity == Parity::kOdd ? 'O' : 'N';
+  return std::string{'8', parity, static_cast<char>('0' + line.stop_bits)};
+}
 
 /// 10 for 8N1, 11 for 8E1, 8O1 and 8N2.
 [[nodiscard]] constexpr std::uint32_t bits_per_character(const LineSettings& line) {

@@ -75,6 +75,14 @@ class ScriptedLink final : public link::CanLink {
   link::LinkCounters counters_;
 };
 
+BusRecorderResult record_bus(link::CanLink& link, LogFiles& files, const BusRecorderRequest& request,
+                             const std::function<bool()>& stop) {
+  BusRecorder recorder{link, files, request};
+  WireRecorder* const all[] = {&recorder};
+  record_until(all, stop);
+  return recorder.result();
+}
+
 }  // namespace
 
 TEST_CASE("a recorder writes every frame of the bus, in order, under its head", "[record]") {
