@@ -15,7 +15,6 @@
 #include "bench/cli/minimise.hpp"
 #include "bench/cli/recorded_log.hpp"
 #include "bench/decode/line_trouble.hpp"
-#include "bench/log/serial_log.hpp"
 #include "protocols/config/toml.hpp"
 
 namespace meltbench::cli {
@@ -101,17 +100,12 @@ Table make_scenario(const scenario::ResolvedRun& run, const ExtractRequest& requ
 /// What went over the serial lines of the rig meanwhile.
 std::vector<decode::LineReport> read_lines(const ExtractRequest& request, const std::filesystem::path& log,
                                            const config::Rig& rig, Instant zero) {
-  std::filesystem::path path = request.serial;
-  if (path.empty()) path = log.parent_path() / "serial.log";
-  if (rig.lines.empty() || (request.serial.empty() && !std::filesystem::exists(path))) return {};
-  const std::unique_ptr<log::ByteSource> source = log::open_file(path);
-  log::SerialLogReader reader{*source};
+  const std::filesystem::path path = request.serial.empty() ? find_serial_log(log) : request.serial;
+  if (rig.lines.empty() || path.empty()) return {};
   decode::LineListener listener{rig};
-  log::SerialEntry entry;
-  while (reader.next(entry)) {
-    const bool has_date = entry.at >= zero;
-    listener.take(has_date ? Instant{entry.at - zero} : entry.at, entry.line, entry.sender, entry.bytes);
-  }
+  read_serial_log(path, zero, [&](Instant at, const log::SerialEntry& entry) {
+    listener.take(at, entry.line, entry.sender, entry.bytes);
+  });
   return listener.finish();
 }
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
 
 namespace meltbench::cli {
 namespace {
@@ -54,6 +55,23 @@ KindWords describe(const Finding& finding) {
   return {"other", Weight::kInfo};
 }
 
+KindWords describe(const decode::LineFinding& finding) {
+  constexpr std::uint64_t kGone = 3;  // Requests in a row without an answer: nobody is there.
+  switch (finding.kind) {
+    case decode::LineFindingKind::kPolls:
+      return {"polls", Weight::kInfo};
+    case decode::LineFindingKind::kRefused:
+      return {"refused", Weight::kWarning};
+    case decode::LineFindingKind::kGarbled:
+      return {"garbled bytes", Weight::kWarning};
+    case decode::LineFindingKind::kNoAnswer:
+      return {"no answer", finding.count >= kGone ? Weight::kFault : Weight::kWarning};
+    case decode::LineFindingKind::kSilence:
+      return {"silence", Weight::kFault};
+  }
+  return {"other", Weight::kInfo};
+}
+
 }  // namespace
 
 LogPageMaker::LogPageMaker(const config::Rig& rig) : rig_{rig}, story_{rig} {}
@@ -94,6 +112,14 @@ void LogPageMaker::take_transfer(const decode::FrameMeaning& meaning, Instant at
   if (transfers_.size() < kMaxTransfers) transfers_.push_back({at, meaning.node, story_.view().describe(frame)});
 }
 
+void LogPageMaker::add(const decode::LineStory& lines) {
+  for (const decode::LineFinding& finding : lines.findings()) {
+    const auto [kind, weight] = describe(finding);
+    of_serial_lines_.push_back({to_s(finding.at), weight, kind, "line " + finding.line, finding.text, {}});
+  }
+  left_out_ += lines.left_out();
+}
+
 report::LogPage LogPageMaker::finish() {
   story_.finish();
   report::LogPage page;
@@ -110,7 +136,7 @@ report::LogPage LogPageMaker::finish() {
   page.facts.emplace_back("bus load", fmt::format("mean {:.1f} %, in the worst second {:.1f} %, at {} bit/s",
                                                   100 * load.mean, 100 * most, rig_.bus.bit_rate_bit_per_s));
   page.lines = make_lines();
-  page.left_out = story_.left_out();
+  page.left_out = story_.left_out() + left_out_;
   break_lines();
   page.plots = make_plots();
   page.signals_left_out = signals_left_out_;
@@ -126,6 +152,8 @@ std::vector<report::StoryLine> LogPageMaker::make_lines() {
     if (finding.kind == FindingKind::kSdo) line.details = find_transfers(finding);
     lines.push_back(std::move(line));
   }
+  std::ranges::move(of_serial_lines_, std::back_inserter(lines));
+  std::ranges::stable_sort(lines, {}, &report::StoryLine::at_s);
   return lines;
 }
 

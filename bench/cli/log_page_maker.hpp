@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "bench/decode/line_story.hpp"
 #include "bench/decode/story.hpp"
 #include "bench/record/bus_statistics.hpp"
 #include "bench/report/log_page.hpp"
@@ -22,6 +23,10 @@ class LogPageMaker {
   explicit LogPageMaker(const config::Rig& rig);
 
   void take(Instant at, const can::CanFrame& frame);
+  /// What serial lines tell; before finish().
+  void add(const decode::LineStory& lines);
+  /// When the last frame came.
+  [[nodiscard]] Instant end() const { return story_.end(); }
   /// Last of all. Title, facts about the file and version are the caller's.
   [[nodiscard]] report::LogPage finish();
 
@@ -53,6 +58,8 @@ class LogPageMaker {
   std::map<std::pair<std::uint32_t, std::uint32_t>, Line> lines_;  ///< By node, and index and sub.
   std::vector<Transfer> transfers_;                                ///< The first of the log.
   std::uint64_t signals_left_out_ = 0;
+  std::vector<report::StoryLine> of_serial_lines_;
+  std::uint64_t left_out_ = 0;
 };
 
 }  // namespace meltbench::cli

@@ -23,6 +23,24 @@ std::filesystem::path find_log(const std::filesystem::path& path) {
   return log;
 }
 
+std::filesystem::path find_serial_log(const std::filesystem::path& log) {
+  std::filesystem::path name = log.filename();
+  if (name.extension() == ".gz") name.replace_extension();
+  for (const std::string& beside :
+       {name.stem().string() + ".serial.log", name.stem().string() + ".serial.log.gz", std::string{"serial.log"}}) {
+    if (std::filesystem::exists(log.parent_path() / beside)) return log.parent_path() / beside;
+  }
+  return {};
+}
+
+void read_serial_log(const std::filesystem::path& path, Instant zero,
+                     const std::function<void(Instant at, const log::SerialEntry& entry)>& take) {
+  const std::unique_ptr<log::ByteSource> source = log::open_file(path);
+  log::SerialLogReader reader{*source};
+  log::SerialEntry entry;
+  while (reader.next(entry)) take(entry.at >= zero ? Instant{entry.at - zero} : entry.at, entry);
+}
+
 scenario::ResolvedRun load_run_of(const std::filesystem::path& scenario, const std::filesystem::path& log) {
   const auto file = scenario.empty() ? log.parent_path() / "repro.toml" : scenario;
   if (scenario.empty() && !std::filesystem::exists(file)) {

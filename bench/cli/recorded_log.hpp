@@ -2,17 +2,27 @@
 /// What the commands on a recorded log have in common.
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 
 #include "bench/log/chosen_channel.hpp"
 #include "bench/log/log_reader.hpp"
+#include "bench/log/serial_log.hpp"
 #include "bench/scenario/scenario.hpp"
 
 namespace meltbench::cli {
 
 /// The log that is meant: the file, or bus.log of a run's folder. @throws log::LogError if it is not there.
 [[nodiscard]] std::filesystem::path find_log(const std::filesystem::path& path);
+
+/// What went over serial lines meanwhile: NAME.serial.log beside NAME.log, or serial.log; empty if neither is there.
+[[nodiscard]] std::filesystem::path find_serial_log(const std::filesystem::path& log);
+
+/// Hands over every piece of a serial log, its time since `zero` if the log has dates.
+/// @throws log::LogError
+void read_serial_log(const std::filesystem::path& path, Instant zero,
+                     const std::function<void(Instant at, const log::SerialEntry& entry)>& take);
 
 /// The one run that a scenario describes; without a scenario, repro.toml beside the log.
 /// @throws std::invalid_argument if there is none or several, config::ConfigError.

@@ -5,12 +5,14 @@
 
 #include <algorithm>
 #include <numeric>
+#include <optional>
 #include <span>
 
 #include "bench/cli/log_commands.hpp"
 #include "bench/cli/log_page_maker.hpp"
 #include "bench/cli/recorded_log.hpp"
 #include "bench/cli/version.hpp"
+#include "bench/decode/line_story.hpp"
 #include "bench/decode/story.hpp"
 #include "bench/report/whole_file.hpp"
 
@@ -56,7 +58,18 @@ void print_load(const decode::Load& load) {
   fmt::print("\n");
 }
 
-void print_story(ChannelLog& log, const config::Rig& rig) {
+/// What the serial lines tell; nothing without a serial log.
+std::optional<decode::LineStory> read_lines(const std::filesystem::path& serial, const config::Rig& rig, Instant zero,
+                                            Instant end) {
+  if (serial.empty()) return std::nullopt;
+  decode::LineStory lines{rig};
+  read_serial_log(serial, zero,
+                  [&](Instant at, const log::SerialEntry& entry) { lines.take(at, entry.line, entry.bytes); });
+  lines.finish(end);
+  return lines;
+}
+
+void print_story(ChannelLog& log, const config::Rig& rig, const std::filesystem::path& serial) {
   decode::Story story{rig};
   log::LogEntry entry;
   while (log.next(entry)) story.take(entry.at, entry.frame);
@@ -64,17 +77,27 @@ void print_story(ChannelLog& log, const config::Rig& rig) {
   if (log.zero() > Instant{}) {
     fmt::print("0 s is {:%Y-%m-%d %H:%M:%S} UTC\n", fmt::gmtime(log.zero().since_start / 1s));
   }
-  for (const decode::Finding& finding : story.findings()) fmt::print("{:14.6f}  {}\n", to_s(finding.at), finding.text);
-  if (story.left_out() > 0) fmt::print("and {} more\n", story.left_out());
+  std::vector<std::pair<Instant, std::string_view>> lines;
+  for (const decode::Finding& finding : story.findings()) lines.emplace_back(finding.at, finding.text);
+  std::uint64_t left_out = story.left_out();
+  const auto of_lines = read_lines(serial, rig, log.zero(), story.end());
+  if (of_lines) {
+    for (const decode::LineFinding& finding : of_lines->findings()) lines.emplace_back(finding.at, finding.text);
+    left_out += of_lines->left_out();
+  }
+  std::ranges::stable_sort(lines, {}, &std::pair<Instant, std::string_view>::first);
+  for (const auto& [at, text] : lines) fmt::print("{:14.6f}  {}\n", to_s(at), text);
+  if (left_out > 0) fmt::print("and {} more\n", left_out);
   fmt::print("{} frames in {:.6f} s\n", story.frames(), to_s(story.end()));
   print_load(story.load());
 }
 
 void write_page(ChannelLog& log, const config::Rig& rig, const std::filesystem::path& path,
-                const std::filesystem::path& html) {
+                const std::filesystem::path& serial, const std::filesystem::path& html) {
   LogPageMaker maker{rig};
   log::LogEntry entry;
   while (log.next(entry)) maker.take(entry.at, entry.frame);
+  if (const auto lines = read_lines(serial, rig, log.zero(), maker.end())) maker.add(*lines);
   report::LogPage page = maker.finish();
   page.title = fmt::format("What happened on the bus: {}", path.filename().string());
   page.version = std::string{kProgramVersion};
@@ -83,6 +106,7 @@ void write_page(ChannelLog& log, const config::Rig& rig, const std::filesystem::
     const auto begun = fmt::format("{:%Y-%m-%d %H:%M:%S} UTC", fmt::gmtime(log.zero().since_start / 1s));
     page.facts.emplace(page.facts.begin() + 1, "0 s is", begun);
   }
+  if (!serial.empty()) page.facts.emplace_back("serial lines", serial.string());
   report::write_whole_file(html, report::render_log_page(std::move(page)));
   fmt::print("{}\n", html.string());
 }
@@ -92,13 +116,14 @@ void write_page(ChannelLog& log, const config::Rig& rig, const std::filesystem::
 ExitStatus show_log(const ShowRequest& request) {
   const std::filesystem::path path = find_log(request.log);
   const scenario::ResolvedRun run = load_run_of(request.scenario, path);
+  const std::filesystem::path serial = request.serial.empty() ? find_serial_log(path) : request.serial;
   ChannelLog log{path, request.channel};
   if (!request.html.empty()) {
-    write_page(log, run.rig, path, request.html);
+    write_page(log, run.rig, path, serial, request.html);
   } else if (request.frames) {
     print_frames(log, run.rig);
   } else {
-    print_story(log, run.rig);
+    print_story(log, run.rig, serial);
   }
   print_log_warnings(log.reader(), path);
   log.warn_of_other_channels();

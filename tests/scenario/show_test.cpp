@@ -53,3 +53,18 @@ TEST_CASE("Show: a night's load is told in means, and channels that nobody asked
   CHECK_THAT(shown.output, Contains("means of 60 s each") && Contains("\n    3000 s"));
   CHECK_THAT(shown.output, Contains("can0, can1 only can0 was looked at"));
 }
+
+TEST_CASE("Show: what serial lines tell stands among what the bus tells", "[scenario]") {
+  const TemporaryFolder folder;
+  std::ofstream{folder / "scenario.toml"} << "[scenario]\nname = \"lines\"\nduration_s = 3\nrig = \""
+                                          << MELTBENCH_SOURCE_DIR << "/fixtures/rigs/bizone_serial.toml\"\n";
+  const std::string out = (folder / "out").string();
+  REQUIRE(run_bench({"run", folder / "scenario.toml", "--out", out, "--in-process", "--quiet"}).status == 0);
+  const BenchResult text = run_bench({"show", out});
+  CHECK_THAT(text.output, Contains("dosing: feeder is asked to write 2 registers from"));
+  std::filesystem::rename(folder / "out/serial.log", folder / "out/bus.serial.log");
+  const std::string page = (folder / "page.html").string();
+  CHECK(run_bench({"show", out, "--html", page}).status == 0);
+  const std::string html = read_file(page);
+  CHECK(html.find("data-kind=\"polls\" data-node=\"line dosing\"") != std::string::npos);
+}
