@@ -134,8 +134,8 @@ void LineStory::take_request(Line& line, Instant at, std::uint8_t unit, Bytes pd
   if (unit != modbus::kBroadcast) line.asked = Request{at, unit, {pdu.begin(), pdu.end()}};
   if (line.last_request) line.pauses[line.requests++ % line.pauses.size()] = at - *line.last_request;
   line.last_request = at;
-  std::vector<std::uint8_t> key{unit};
-  key.insert(key.end(), pdu.begin(), pdu.begin() + static_cast<std::ptrdiff_t>(calc_key_size(pdu)));
+  std::string key{static_cast<char>(unit)};
+  for (const std::uint8_t byte : pdu.first(calc_key_size(pdu))) key += static_cast<char>(byte);
   const auto poll = line.polls.find(key);
   if (poll != line.polls.end()) return repeat(poll->second, at);
   if (line.polls.size() >= kMaxPolls) return;
@@ -145,7 +145,8 @@ void LineStory::take_request(Line& line, Instant at, std::uint8_t unit, Bytes pd
 
 void LineStory::take_answer(Line& line, Instant at, Bytes pdu) {
   Unit& unit = line.units[line.asked->unit];
-  if (unit.no_answer != kNone) findings_[unit.no_answer].until = at;
+  if (unit.no_answer != kNone && unit.is_missed) findings_[unit.no_answer].until = at;
+  unit.is_missed = false;
   const modbus::ExceptionCode code = modbus::exception_of(pdu);
   const auto refusal = static_cast<unsigned>(code);
   if (code == modbus::ExceptionCode::kNone) {
@@ -172,10 +173,8 @@ void LineStory::take_garbled(Line& line, Instant at, std::size_t bytes) {
 /// @param at  of what came in place of the answer, or of the end.
 void LineStory::miss_answer(Line& line, Instant at) {
   Unit& unit = line.units[line.asked->unit];
-  if (unit.no_answer != kNone && findings_[unit.no_answer].until < line.asked->at &&
-      line.asked->at - *findings_[unit.no_answer].until > kRow) {
-    unit.no_answer = kNone;
-  }
+  if (!unit.is_missed && !goes_on(unit.no_answer, line.asked->at)) unit.no_answer = kNone;
+  unit.is_missed = true;
   if (unit.no_answer != kNone) {
     repeat(unit.no_answer, at);
   } else {

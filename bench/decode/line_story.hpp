@@ -55,6 +55,7 @@ class LineStory {
  private:
   static constexpr std::size_t kNone = ~std::size_t{0};
   struct Unit {
+    bool is_missed = false;         ///< Its newest answer.
     std::size_t no_answer = kNone;  ///< Findings that are open.
     std::size_t refused = kNone;
     unsigned refusal = 0;
@@ -72,7 +73,7 @@ class LineStory {
     std::array<Nanos, 5> pauses{};  ///< Between requests.
     std::size_t requests = 0;
     std::size_t garbled = kNone;
-    std::map<std::vector<std::uint8_t>, std::size_t> polls;  ///< By what is asked of whom.
+    std::map<std::string, std::size_t> polls;  ///< By what is asked of whom.
     std::map<std::uint8_t, Unit> units;
   };
 

@@ -31,8 +31,8 @@ sockaddr_un make_address(const std::string& path) {
   return address;
 }
 
-UniqueFd make_socket() {
-  UniqueFd socket{::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0)};
+UniqueFd make_socket(int flags = 0) {
+  UniqueFd socket{::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | flags, 0)};
   if (!socket) throw LinkError{fmt::format("cannot make a socket: {}", std::strerror(errno)), "see \"ulimit -n\""};
   return socket;
 }
@@ -41,14 +41,17 @@ bool connect_to(const UniqueFd& socket, const sockaddr_un& address) {
   return ::connect(socket.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0;
 }
 
+/// Whether somebody listens there. Does not wait for one that is stopped or hangs, whose queue is full (EAGAIN).
+bool is_served(const std::string& path) {
+  return connect_to(make_socket(SOCK_NONBLOCK), make_address(path)) || errno != ECONNREFUSED;
+}
+
 /// Removes the sockets of brokers that were killed: nobody listens on them any more.
 void remove_orphans(const std::string& folder) {
   std::error_code error;
   for (const auto& entry : std::filesystem::directory_iterator{folder, error}) {
     if (entry.path().extension() != ".bus") continue;
-    if (!connect_to(make_socket(), make_address(entry.path().string())) && errno == ECONNREFUSED) {
-      ::unlink(entry.path().c_str());
-    }
+    if (!is_served(entry.path().string())) ::unlink(entry.path().c_str());
   }
 }
 
@@ -77,7 +80,7 @@ UniqueFd listen_embedded_bus(std::string_view name) {
   remove_orphans(embedded_bus_folder());
   const std::string path = socket_path(name);
   const sockaddr_un address = make_address(path);
-  if (connect_to(make_socket(), address)) {
+  if (std::filesystem::exists(path) && is_served(path)) {
     throw LinkError{fmt::format("an embedded bus named \"{}\" is running already", name),
                     "end that run, or name this one otherwise: --can virtual:OTHER"};
   }

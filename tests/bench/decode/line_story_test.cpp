@@ -73,7 +73,7 @@ TEST_CASE("Line story: an answer that does not fit, or whose checksum is wrong, 
     line.story.take(Instant{1s + i * 20ms}, "dosing", kAsk);
     line.story.take(Instant{1s + i * 20ms + 5ms}, "dosing", wrong);
   }
-  const auto told = line.tell(Instant{1100ms});
+  const auto told = line.tell(Instant{1060ms});
   REQUIRE(told.size() == 2);
   CHECK(told[1] == "dosing: 9 bytes that are no frame: cut short, or a wrong checksum; 3 of them to 1.045000 s");
 }

@@ -2,11 +2,14 @@
 
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/un.h>
 
 #include <array>
+#include <cerrno>
 #include <catch2/catch.hpp>
 #include <cstdlib>
 #include <filesystem>
+#include <vector>
 
 #include "protocols/link/bench_message.hpp"
 #include "tests/tools/temporary_folder.hpp"
@@ -45,6 +48,21 @@ TEST_CASE("Embedded bus: a name can be used once at a time, and again after its 
   }
   CHECK_THROWS_AS(connect_embedded_bus("a"), LinkError);  // The file is there still, but nobody listens.
   CHECK_NOTHROW(listen_embedded_bus("a"));
+}
+
+TEST_CASE("Embedded bus: a broker that hangs holds up no other bus, and keeps its name", "[link]") {
+  PrivateRuntime runtime;
+  const UniqueFd stuck = listen_embedded_bus("stuck");
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  (embedded_bus_folder() + "/stuck.bus").copy(address.sun_path, sizeof(address.sun_path) - 1);
+  std::vector<UniqueFd> waiting;  // As many as its queue takes: who connects now would wait.
+  do {
+    waiting.emplace_back(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  } while (::connect(waiting.back().get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0);
+  REQUIRE(errno == EAGAIN);
+  CHECK_NOTHROW(listen_embedded_bus("other"));
+  CHECK_THROWS_AS(listen_embedded_bus("stuck"), LinkError);
 }
 
 TEST_CASE("Bus name: virtual and kernel buses are told apart, nonsense is refused with a hint", "[link]") {
