@@ -16,17 +16,17 @@ namespace meltbench::replay {
 struct RawReplayRequest {
   double speed = 1.0;       ///< > 0; log seconds per second.
   std::uint64_t loops = 1;  ///< 0: until stopped.
-  std::string channel;      ///< Of the log; empty: that of the first frame.
+  std::string channel{};    ///< Of the log; empty: that of the first frame.
   struct IdRange {
     std::uint32_t id = 0;
     std::uint32_t mask = 0xFFFF'FFFF;
   };
-  std::vector<IdRange> only;  ///< Empty: all identifiers.
+  std::vector<IdRange> only{};  ///< Empty: all identifiers.
   struct Rename {
     std::uint32_t from = 0;
     std::uint32_t to = 0;
   };
-  std::vector<Rename> renames;
+  std::vector<Rename> renames{};
 };
 
 struct RawReplayResult {
