@@ -194,8 +194,8 @@ class Detective {
       if (attempt.distance < best.distance) best = attempt;
       const auto departs = decode::find_departure(result.traces, healthy_->traces, departure_.quantity, log_.size());
       const Nanos late = departs ? Traces::time_of(*departs) - Traces::time_of(departure_.sample) : kEarlier;
-      if (late == Nanos{0} || suspect.at_s <= 0.0) break;
-      suspect.at_s -= to_s(late);
+      if (late == Nanos{0} || (late > Nanos{0} && suspect.at_s <= 0.0)) break;
+      suspect.at_s = std::max(0.0, suspect.at_s - to_s(late));
     }
     return best;
   }

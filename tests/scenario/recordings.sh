@@ -13,7 +13,10 @@ for log in fixtures/recordings/*.log.gz; do
   story=fixtures/recordings/$name.md
   [ -f "$story" ] || { echo "$story is missing: what is the story?"; bad=1; continue; }
   machine=$(sed -n 's/^Machine: //p' "$story")
-  "$meltbench" extract "$log" --scenario "fixtures/recordings/${machine:-production.toml}" -o "$out/$name.toml" > "$out/$name.txt"
+  serial=""
+  [ ! -f "fixtures/recordings/$name.serial.gz" ] || serial="--serial fixtures/recordings/$name.serial.gz"
+  # shellcheck disable=SC2086
+  "$meltbench" extract "$log" $serial --scenario "fixtures/recordings/${machine:-production.toml}" -o "$out/$name.toml" > "$out/$name.txt"
   # The rig's path depends on where the scenario lies.
   grep -v '^rig = ' "$out/$name.toml" > "$out/$name.new"
   grep -v '^rig = ' "fixtures/recordings/$name.toml" > "$out/$name.old"
