@@ -99,7 +99,10 @@ void write_page(ChannelLog& log, const config::Rig& rig, const std::filesystem::
   while (log.next(entry)) maker.take(entry.at, entry.frame);
   if (const auto lines = read_lines(serial, rig, log.zero(), maker.end())) maker.add(*lines);
   report::LogPage page = maker.finish();
-  page.title = fmt::format("What happened on the bus: {}", path.filename().string());
+  // Every run's is called bus.log: its folder says which one.
+  const std::filesystem::path name =
+      path.filename() == "bus.log" ? path.parent_path().filename() / path.filename() : path.filename();
+  page.title = fmt::format("What happened on the bus: {}", name.string());
   page.version = std::string{kProgramVersion};
   page.facts.emplace(page.facts.begin(), "log", path.string());
   if (log.zero() > Instant{}) {

@@ -71,6 +71,7 @@ std::string render_filter(const LogPage& page, const char* title, const char* ke
                           const std::function<std::string(const StoryLine&)>& value_of) {
   std::map<std::string, std::size_t> counts;
   for (const StoryLine& line : page.lines) ++counts[value_of(line)];
+  if (counts.size() < 2) return {};  // Nothing to choose.
   std::string html = fmt::format("<div class=\"filter\" data-of=\"{}\"><b>{}</b>", key, title);
   std::size_t choices = 0;
   for (const auto& [value, count] : counts) {

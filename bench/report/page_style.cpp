@@ -70,7 +70,7 @@ table.facts { width: auto; } table.facts th { padding-right: 1.5rem; }
 
 .bar { position: sticky; top: 0; z-index: 20; background: var(--page); border-bottom: 1px solid var(--line);
        display: flex; flex-wrap: wrap; gap: .25rem 1.1rem; align-items: baseline; padding: .45rem 0; margin-bottom: .75rem; }
-.bar .clock { min-width: 8.5em; }
+.bar .clock { min-width: 8.5em; } .bar .clock:empty { display: none; }
 .bar .near { color: var(--muted); flex: 1 1 12em; overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
 .toggle[aria-pressed=false] { opacity: .4; text-decoration: line-through; }
 .reset { color: var(--link); }
