@@ -239,6 +239,24 @@ TEST_CASE("Logs: a packed log that is cut off at the end of a line, and a BLF be
   CHECK_THAT(packed.warnings[0].text, Contains("cut off"));
 }
 
+TEST_CASE("Logs: BLF objects of Vector's own writers, unpacked, one of them across two containers", "[log]") {
+  const Log log = read_all(open_log(std::string{MELTBENCH_SOURCE_DIR} + "/tests/fuzz/corpus/log/blf_unpacked"));
+  const Instant start{Nanos{1'772'368'496'789'000'000}};
+  REQUIRE(log.entries.size() == 7);
+  CHECK(log.entries[0].at == start + 1us);
+  CHECK(log.entries[0].frame == can::make_frame(0x185, {1, 2, 3}));
+  CHECK(log.entries[1].at == start + 20ms);  // 2000 in units of 10 us.
+  CHECK(log.entries[1].frame.kind == can::FrameKind::kRemote);
+  CHECK(log.entries[1].direction == Direction::kSent);
+  CHECK(log.entries[2].frame == log.entries[0].frame);  // CAN_MESSAGE2, with the second version of the header.
+  CHECK(log.entries[3].frame.kind == can::FrameKind::kError);
+  CHECK(log.entries[4].frame.length == 12);
+  CHECK(log.entries[5].frame.id == 0x18FF00F0);
+  CHECK(log.entries[5].frame.brs);
+  CHECK(log.entries[5].frame.bytes[31] == 31);
+  CHECK(log.entries[6].at == start + Nanos{500});
+}
+
 TEST_CASE("Logs: ASC in decimal numbers, with relative stamps, names and events that are no frames", "[log]") {
   const Log log = read_text(
       "date Sun Mar 1 12:34:56.789 pm 2026\n"

@@ -82,6 +82,16 @@ TEST_CASE("Periodic timer: keeps its grid, and counts the periods that a late ca
   CHECK(timer.missed() == 2);
 }
 
+TEST_CASE("Heartbeat watch: a time-out of zero ends the watch of a node", "[canopen][heartbeat]") {
+  HeartbeatConsumer consumer;
+  consumer.watch(7, 100ms);
+  CHECK(consumer.is_watched(7));
+  consumer.watch(7, 0ms);
+  CHECK_FALSE(consumer.is_watched(7));
+  CHECK_FALSE(consumer.on_frame(Instant{1s}, make_heartbeat(7, NmtState::kOperational)));
+  CHECK(consumer.next_deadline() == Instant::never());
+}
+
 TEST_CASE("Heartbeat watch: a node that is never heard can be given a time-out from now on", "[canopen][heartbeat]") {
   HeartbeatConsumer consumer;
   consumer.watch_from(Instant{1s}, 7, 100ms);
