@@ -14,6 +14,17 @@
 namespace meltbench::report {
 namespace {
 
+// There are more kinds of faults than words fit beside each other: their names stand upright, the targets stay in
+// sight.
+constexpr std::string_view kMatrixStyle = R"css(
+.matrix { width: auto; }
+.matrix tr:first-child th { writing-mode: vertical-rl; transform: rotate(180deg); padding: 0 0 .3rem; border: 0; }
+.matrix th:first-child { position: sticky; left: 0; background: var(--page); }
+.matrix td { padding: .25rem .45rem; border-left: 1px solid var(--grid); text-align: center; }
+.matrix tr:hover > * { background: var(--panel); }
+.matrix a { text-decoration: none; }
+)css";
+
 std::vector<std::string> collect(std::span<const MatrixCell> cells, std::string MatrixCell::*key) {
   std::vector<std::string> found;
   for (const MatrixCell& cell : cells) {
@@ -25,7 +36,7 @@ std::vector<std::string> collect(std::span<const MatrixCell> cells, std::string 
 std::string write_cell(const MatrixCell& cell) {
   return fmt::format(R"(<a class="verdict {}" href="{}" title="{}: {}">{}</a> )", cell.held ? "held" : "failed",
                      escape_markup(cell.report.generic_string()), escape_markup(cell.name), escape_markup(cell.note),
-                     cell.held ? "held" : "FAILED");
+                     cell.held ? "✓" : "FAILED");
 }
 
 }  // namespace
@@ -34,11 +45,13 @@ void write_matrix(const std::filesystem::path& page, std::string_view title, std
   const std::vector<std::string> columns = collect(cells, &MatrixCell::column);
   const auto held = std::count_if(cells.begin(), cells.end(), [](const MatrixCell& cell) { return cell.held; });
   std::string html = fmt::format(
-      "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{0}</title><style>{1}\n"
-      "td a {{ text-decoration: none; }}</style></head><body><h1>{0}</h1>"
-      "<p class=\"banner {2}\"><b>{3} of {4} runs held</b></p><div class=\"scroll\"><table><tr><th></th>",
-      escape_markup(title), kPageStyle, static_cast<std::size_t>(held) == cells.size() ? "held" : "failed", held,
-      cells.size());
+      "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
+      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"><title>{0}</title><style>{1}{2}</style>"
+      "</head><body><h1>{0}</h1><div class=\"banner {3}\"><b>{4} of {5} runs held</b></div>"
+      "<p class=\"muted\">A row for each target, a column for each kind of fault; each run leads to its report.</p>"
+      "<div class=\"scroll\"><table class=\"matrix\"><tr><th></th>",
+      escape_markup(title), kPageStyle, kMatrixStyle,
+      static_cast<std::size_t>(held) == cells.size() ? "held" : "failed", held, cells.size());
   for (const std::string& column : columns) html += fmt::format("<th>{}</th>", escape_markup(column));
   html += "</tr>\n";
   for (const std::string& row : collect(cells, &MatrixCell::row)) {
