@@ -5,6 +5,7 @@
 #include <sys/socket.h>
 
 #include <algorithm>
+#include <iterator>
 
 #include "protocols/runtime/stop_signal.hpp"
 
@@ -15,7 +16,8 @@ constexpr int kAcceptPoll_ms = 20;
 
 }  // namespace
 
-Broker::Broker(std::string bus_name) : bus_name_{std::move(bus_name)}, listener_{link::listen_embedded_bus(bus_name_)} {
+Broker::Broker(std::string bus_name, std::string about)
+    : bus_name_{std::move(bus_name)}, listener_{link::listen_embedded_bus(bus_name_)}, about_{std::move(about)} {
   ::fcntl(listener_.get(), F_SETFL, O_NONBLOCK);  // Who connects may be gone before he is taken.
 }
 
@@ -29,13 +31,12 @@ std::optional<std::vector<Joined>> Broker::wait_for(std::span<const std::string>
   while (!std::ranges::all_of(found, [](const auto& joined) { return joined.has_value(); })) {
     if (give_up()) return std::nullopt;
     wait_for_news();
-    auto joined = take_hello();
-    if (!joined) continue;
-    const auto place = static_cast<std::size_t>(std::ranges::find(names, joined->hello.name) - names.begin());
-    if (place < names.size() && !found[place]) {
-      found[place] = std::move(joined);
-    } else {
-      early_.push_back(std::move(*joined));
+    look();
+    for (auto joined = came_.begin(); joined != came_.end();) {
+      const auto place = static_cast<std::size_t>(std::ranges::find(names, joined->hello.name) - names.begin());
+      const bool is_waited_for = place < names.size() && !found[place];
+      if (is_waited_for) found[place] = std::move(*joined);
+      joined = is_waited_for ? came_.erase(joined) : std::next(joined);
     }
   }
   std::vector<Joined> result;
@@ -44,9 +45,18 @@ std::optional<std::vector<Joined>> Broker::wait_for(std::span<const std::string>
 }
 
 std::optional<Joined> Broker::take_newcomer() {
-  if (early_.empty()) return take_hello();
-  Joined first = std::move(early_.front());
-  early_.pop_front();
+  if (came_.empty()) look();
+  if (came_.empty()) return std::nullopt;
+  Joined first = std::move(came_.front());
+  came_.pop_front();
+  return first;
+}
+
+std::optional<Asked> Broker::take_question() {
+  if (asked_.empty()) look();
+  if (asked_.empty()) return std::nullopt;
+  Asked first = std::move(asked_.front());
+  asked_.pop_front();
   return first;
 }
 
@@ -56,27 +66,46 @@ void Broker::wait_for_news() const {
   ::poll(watched.data(), watched.size(), kAcceptPoll_ms);
 }
 
-/// However long a program takes from its connecting to its hello: on a busy machine that can be seconds.
-std::optional<Joined> Broker::take_hello() {
-  link::UniqueFd connection{::accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC)};
-  if (connection) silent_.emplace_back(std::move(connection));
-  for (auto socket = silent_.begin(); socket != silent_.end(); ++socket) {
+/// However long somebody takes from his connecting to his first word: on a busy machine that can be seconds.
+void Broker::look() {
+  if (silent_.size() < kMaxSilent) {
+    link::UniqueFd connection{::accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC)};
+    if (connection) silent_.emplace_back(std::move(connection));
+  }
+  for (auto socket = silent_.begin(); socket != silent_.end();) {
     std::span<const std::uint8_t> message;
     const link::ReceiveStatus status = socket->try_receive(message);
-    if (status == link::ReceiveStatus::kTimeout || status == link::ReceiveStatus::kInterrupted) continue;
-    auto hello = status == link::ReceiveStatus::kMessage ? runtime::read_hello(message) : std::nullopt;
-    link::BenchSocket said = std::move(*socket);
-    silent_.erase(socket);
-    if (!hello) return std::nullopt;  // Its socket closes here, and it sees that.
-    return Joined{std::move(*hello), std::move(said)};
+    if (status == link::ReceiveStatus::kTimeout || status == link::ReceiveStatus::kInterrupted) {
+      ++socket;
+      continue;
+    }
+    if (status == link::ReceiveStatus::kMessage) sort(std::move(*socket), message);
+    socket = silent_.erase(socket);  // Closes, if nobody has taken it, and the other end sees that.
   }
-  return std::nullopt;
+}
+
+void Broker::sort(link::BenchSocket socket, std::span<const std::uint8_t> message) {
+  if (auto hello = runtime::read_hello(message)) {
+    came_.push_back({std::move(*hello), std::move(socket)});
+  } else if (auto question = runtime::read_question(message)) {
+    const bool about_run = question->about == runtime::Question::About::kRun;
+    asked_.push_back({std::move(*question), std::move(socket)});
+    if (!about_run) return;
+    answer(asked_.back(), {true, about_});
+    asked_.pop_back();
+  }
 }
 
 bool welcome(Joined& joined, const link::Welcome& welcome) {
   link::MessageWriter writer;
   runtime::write_welcome(writer, welcome);
   return joined.socket.send(writer.bytes());
+}
+
+void answer(Asked& asked, const runtime::Answer& answer) {
+  link::MessageWriter writer;
+  runtime::write_answer(writer, answer);
+  static_cast<void>(asked.socket.try_send(writer.bytes()));
 }
 
 void stop(Joined& joined) {

@@ -22,11 +22,23 @@ struct Joined {
   link::BenchSocket socket;
 };
 
-/// Listens on an embedded bus until the programs of the run have joined.
+/// Somebody who has asked something, and waits for answer().
+struct Asked {
+  runtime::Question question;
+  link::BenchSocket socket;
+};
+
+/// Listens on an embedded bus: for the programs of the run, and for questions to it.
+///
+/// Who connects and says nothing, or nonsense, holds up nobody: up to kMaxSilent of them are kept, further ones wait
+/// until one of those has spoken or gone.
 class Broker {
  public:
+  static constexpr std::size_t kMaxSilent = 64;
+
+  /// @param about  what it answers to who asks which run this is.
   /// @throws link::LinkError if a bus of this name is running already.
-  explicit Broker(std::string bus_name);
+  explicit Broker(std::string bus_name, std::string about = {});
   ~Broker();
   Broker(const Broker&) = delete;
   Broker& operator=(const Broker&) = delete;
@@ -39,6 +51,8 @@ class Broker {
 
   /// A program that has joined since; nothing if there is none. Does not wait.
   [[nodiscard]] std::optional<Joined> take_newcomer();
+  /// A question that has come since, of kRun none: those are answered already. Does not wait.
+  [[nodiscard]] std::optional<Asked> take_question();
   /// For poll(2): readable when a program connects.
   [[nodiscard]] int fd() const { return listener_.get(); }
 
@@ -46,17 +60,21 @@ class Broker {
 
  private:
   void wait_for_news() const;
-  /// The next program that has said who it is. Does not wait.
-  [[nodiscard]] std::optional<Joined> take_hello();
+  void look();
+  void sort(link::BenchSocket socket, std::span<const std::uint8_t> message);
 
   std::string bus_name_;
   link::UniqueFd listener_;
-  std::deque<Joined> early_;               ///< Came while others were waited for.
-  std::vector<link::BenchSocket> silent_;  ///< Newcomers that have not said hello yet.
+  std::string about_;
+  std::deque<Joined> came_;                ///< Not yet taken.
+  std::deque<Asked> asked_;                ///< Not yet taken.
+  std::vector<link::BenchSocket> silent_;  ///< Have not said anything yet.
 };
 
 /// Tells a program how time passes in this run, and so that it begins. @returns false if it has gone.
 [[nodiscard]] bool welcome(Joined& joined, const link::Welcome& welcome);
+/// Answers a question. Who does not take the answer goes without.
+void answer(Asked& asked, const runtime::Answer& answer);
 /// Tells a program that the run is over.
 void stop(Joined& joined);
 

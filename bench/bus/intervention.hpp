@@ -36,6 +36,9 @@ class Intervention {
  public:
   virtual ~Intervention() = default;
 
+  /// At a new instant, before anything else: looks whether somebody wants something of it from now on.
+  /// @returns whether on_time() may have become due.
+  virtual bool look(Instant /*now*/) { return false; }
   /// When on_time() must be called next; before anything else that is due then.
   [[nodiscard]] virtual Instant next_deadline() const = 0;
   /// Does what is due; next_deadline() is later than `now` afterwards.

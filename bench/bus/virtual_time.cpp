@@ -73,6 +73,7 @@ RunOutcome VirtualTime::run(Nanos duration) {
         return end(RunOutcome::Kind::kInterrupted, lost_text({}, PortStatus::kInterrupted, now_));
       advance_to(next);
       if (admit_outside()) continue;  // Everybody has something to read: who is first is chosen anew.
+      if (intervention_ != nullptr && intervention_->look(now_)) continue;
     }
     if (next < others) {
       medium_->advance(now_);

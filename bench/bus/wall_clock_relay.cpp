@@ -239,6 +239,7 @@ void WallClockRelay::intervene() {
   if (intervention_ == nullptr) return;
   for (std::size_t number = 0; number < parties_.size(); ++number) tell(number);
   const Instant now = clock_.now();
+  if (now >= Instant{}) intervention_->look(now);
   if (intervention_->next_deadline() > now) return;
   if (medium_) medium_->advance(bus_time_ = std::max(bus_time_, now));
   intervened_at_ = std::max(now, bus_time_);

@@ -11,6 +11,7 @@
 
 #include "bench/cli/doctor_command.hpp"
 #include "bench/cli/extract_command.hpp"
+#include "bench/cli/fault_command.hpp"
 #include "bench/cli/list_command.hpp"
 #include "bench/cli/log_commands.hpp"
 #include "bench/cli/record_command.hpp"
@@ -54,6 +55,7 @@ struct Words {
   std::filesystem::path scenario;
   cli::ReplayRequest replay;
   cli::ShowRequest show;
+  cli::FaultRequest fault;
   cli::ExtractRequest extract;
   cli::RecordRequest record;
   cli::TortureRequest torture;
@@ -174,6 +176,26 @@ void add_extract_command(CLI::App& app, cli::ExtractRequest& request) {
   extract->footer(
       "Example: meltbench extract night.log --scenario fixtures/scenarios/coupled_start_up.toml -o night.toml\n"
       "         meltbench run night.toml");
+}
+
+void add_fault_command(CLI::App& app, cli::FaultRequest& request) {
+  CLI::App* fault = app.add_subcommand("fault", "Let something fail in a run that goes on");
+  fault
+      ->add_option(
+          "fault", request.words,
+          "FAULT: the keys of [[fault]], with commas between them; without at_s, at_frame and when it begins at "
+          "once. BENCH: name of the bus, as --can virtual:NAME gives it, or folder of the run  (default: the "
+          "only one that goes on)")
+      ->option_text("[BENCH] FAULT, or [BENCH] with --list and --clear");
+  CLI::Option* list = fault->add_flag("--list", request.list, "Tell which faults are on or to come, and what can fail");
+  fault->add_option("--clear", request.clear, "End the fault of this name; without one in FAULT it is \"TARGET KIND\"")
+      ->excludes(list);
+  fault->footer(
+      "Exit status: 0 done, 2 refused, or no such bench, 3 the run has ended\n"
+      "What can fail, and how: fixtures/scenarios/FAULTS.md\n"
+      "Example: meltbench fault --list\n"
+      "         meltbench fault 'target = \"sensor.melt_pressure\", kind = \"drift\", drift_Pa_per_s = 500, for_s = "
+      "10'");
 }
 
 void add_record_command(CLI::App& app, cli::RecordRequest& request) {
@@ -311,6 +333,7 @@ ExitStatus dispatch(CLI::App& app, Words& words) {
   if (app.got_subcommand("replay")) return cli::replay_log(words.replay);
   if (app.got_subcommand("record")) return cli::record_log(words.record);
   if (app.got_subcommand("extract")) return cli::extract_scenario(words.extract);
+  if (app.got_subcommand("fault")) return cli::give_fault(words.fault);
   if (app.got_subcommand("show")) return cli::show_log(words.show);
   if (app.got_subcommand("convert")) return cli::convert_log(words.from, words.to);
   return cli::examine_machine(words.examination);
@@ -347,6 +370,7 @@ int main(int argc, char** argv) {
   doctor->add_option("--rig", words.examination.rig, "A rig: compare its bit rate, look for its boards");
   doctor->add_option("--can", words.examination.can, "A kernel interface: listen for two seconds who is there");
   add_record_command(app, words.record);
+  add_fault_command(app, words.fault);
   add_show_command(app, words.show);
   add_extract_command(app, words.extract);
   add_torture_command(app, words.torture);

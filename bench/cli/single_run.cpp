@@ -5,20 +5,19 @@
 
 #include <atomic>
 #include <chrono>
-#include <fstream>
-#include <system_error>
 
 #include "bench/bus/broker.hpp"
 #include "bench/bus/virtual_time.hpp"
 #include "bench/bus/wall_clock_relay.hpp"
 #include "bench/cli/bus_timing.hpp"
 #include "bench/cli/injection.hpp"
+#include "bench/cli/live_faults.hpp"
 #include "bench/cli/observer.hpp"
 #include "bench/cli/one_processor.hpp"
 #include "bench/cli/programs.hpp"
 #include "bench/cli/progress.hpp"
+#include "bench/cli/repro_file.hpp"
 #include "bench/cli/run_tap.hpp"
-#include "bench/cli/version.hpp"
 #include "controller/machine/controller.hpp"
 #include "protocols/link/can_link.hpp"
 #include "protocols/runtime/real_time_process.hpp"
@@ -47,17 +46,6 @@ record::Ending to_ending(const bus::RunOutcome& outcome) {
   ending.at = outcome.at;
   ending.lost_frames = outcome.lost_frames;
   return ending;
-}
-
-/// The one file that the run needs, and that repeats it. Written once the bus is open: a run that cannot begin leaves
-/// nothing.
-void write_repro_file(const PreparedRun& prepared) {
-  std::filesystem::create_directories(prepared.folder);
-  const std::filesystem::path path = prepared.folder / "repro.toml";
-  std::ofstream file{path};
-  file << scenario::write_repro(prepared.run, kProgramVersion);
-  file.close();
-  if (!file) throw std::system_error{errno, std::generic_category(), "cannot write " + path.string()};
 }
 
 /// The ports of a run in virtual time, in the order of their numbers.
@@ -97,16 +85,21 @@ void note_bus_timing(const PreparedRun& prepared, bus::BitTimedMedium* medium, I
   recorder.bus_timing(describe(*medium, end.since_start, bounds));
 }
 
+/// @param broker  where faults may come in from; null: from nowhere.
 /// @returns how it ended; the recording is not yet finished.
 bus::RunOutcome run_in_virtual_time(PreparedRun& prepared, const RunRequest& request, const Ports& ports,
-                                    bus::Outside* outside, std::optional<record::RunRecorder>& recorder) {
+                                    bus::Outside* outside, bus::Broker* broker,
+                                    std::optional<record::RunRecorder>& recorder) {
   std::vector<SignalInfo> signals;
   for (const auto& port : ports) append(signals, port->signals());
   open_recorder(recorder, prepared, std::move(signals));
   Progress progress{prepared.run.label(), prepared.run.duration, request.quiet};
   Observer observer{*recorder, wire_of(prepared), progress};
   Injection faults{prepared.faults, prepared.run.seed, to_pointers(ports), observer};
+  std::optional<LiveFaults> live;
+  if (broker != nullptr) live.emplace(faults.injector(), *broker, prepared, find_limits(prepared, request), observer);
   bus::RunMedia media{.lines = prepared.run.rig.lines, .outside = outside, .intervention = &faults.injector()};
+  if (live) media.intervention = &*live;
   media.bit_timed = bit_timing_of(prepared.run.rig.bus);
   bus::VirtualTime time{faults.ports(), prepared.run.record_period, observer, media};
   const bus::RunOutcome outcome = time.run(prepared.run.duration);
@@ -121,7 +114,7 @@ record::Recording run_in_process(PreparedRun& prepared, const RunRequest& reques
   ports.push_back(std::make_unique<runtime::InProcessPort>(*prepared.controller));
   ports.push_back(std::make_unique<runtime::InProcessPort>(*prepared.plant));
   std::optional<record::RunRecorder> recorder;
-  const bus::RunOutcome outcome = run_in_virtual_time(prepared, request, ports, tap.outside(), recorder);
+  const bus::RunOutcome outcome = run_in_virtual_time(prepared, request, ports, tap.outside(), nullptr, recorder);
   return recorder->finish(to_ending(outcome));
 }
 
@@ -131,6 +124,12 @@ std::string choose_bus_name(const RunRequest& request) {
   const bool named = uri && uri->kind == link::BusUri::Kind::kVirtual;
   static std::atomic<int> runs = 0;  // A suite has several at once.
   return named ? uri->name : fmt::format("run-{}-{}", ::getpid(), ++runs);
+}
+
+/// For who looks for a running bench: where its results go, and what it is.
+std::string describe_run(const PreparedRun& prepared) {
+  return fmt::format("{}\n{}", std::filesystem::absolute(prepared.folder).lexically_normal().string(),
+                     prepared.run.label());
 }
 
 /// Tells how parts that are not ours get onto an embedded bus.
@@ -147,7 +146,7 @@ void print_invitation(const PreparedRun& prepared, const bus::Broker& broker) {
 record::Recording run_in_lockstep(PreparedRun& prepared, const RunRequest& request) {
   const OneProcessor pinned;
   RunTap tap{request};
-  bus::Broker broker{choose_bus_name(request)};
+  bus::Broker broker{choose_bus_name(request), describe_run(prepared)};
   write_repro_file(prepared);
   Programs programs{prepared, request, broker.bus_name(), pinned.cpu()};
   print_invitation(prepared, broker);
@@ -158,7 +157,7 @@ record::Recording run_in_lockstep(PreparedRun& prepared, const RunRequest& reque
     ports.push_back(std::make_unique<bus::SocketPort>(program));
   }
   std::optional<record::RunRecorder> recorder;
-  bus::RunOutcome outcome = run_in_virtual_time(prepared, request, ports, tap.outside(), recorder);
+  bus::RunOutcome outcome = run_in_virtual_time(prepared, request, ports, tap.outside(), &broker, recorder);
   return recorder->finish(to_ending(end_programs(std::move(outcome), joined, programs)));
 }
 
@@ -182,7 +181,7 @@ record::Recording run_at_wall_clock(PreparedRun& prepared, const RunRequest& req
   RunTap tap{request};
   // The relay is part of the way of a frame. On a kernel bus it only listens, and must not hold up those who speak.
   if (request.rt_priority && !kernel_bus) runtime::take_priority(*request.rt_priority);
-  bus::Broker broker{choose_bus_name(request)};
+  bus::Broker broker{choose_bus_name(request), describe_run(prepared)};
   write_repro_file(prepared);
   Programs programs{prepared, request, broker.bus_name(), std::nullopt};
   if (!kernel_bus) print_invitation(prepared, broker);
@@ -192,6 +191,7 @@ record::Recording run_at_wall_clock(PreparedRun& prepared, const RunRequest& req
   Progress progress{prepared.run.label(), prepared.run.duration, request.quiet};
   Observer observer{*recorder, wire_of(prepared), progress};
   const auto faults = make_injector(prepared.faults, prepared.run.seed, members_of(joined), observer);
+  LiveFaults live{*faults, broker, prepared, find_limits(prepared, request), observer};
   bus::WallClockRelay relay{joined,
                             broker,
                             kernel_bus.get(),
@@ -199,7 +199,7 @@ record::Recording run_at_wall_clock(PreparedRun& prepared, const RunRequest& req
                             {.lines = prepared.run.rig.lines,
                              .outside = tap.outside(),
                              .adapter = adapter.get(),
-                             .intervention = faults.get(),
+                             .intervention = &live,
                              .bit_timed = bit_timing_of(prepared.run.rig.bus)}};
   const auto started = Clock::now();
   const bus::RunOutcome outcome = relay.run(prepared.run.duration, prepared.pace.speed, observer);

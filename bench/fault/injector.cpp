@@ -79,33 +79,60 @@ void Injector::plan(Fault fault) {
   faults_.push_back(std::move(planned));
 }
 
-config::Table Injector::add(Fault fault, Instant now) {
-  if (fault.trigger.on == Trigger::On::kTime && fault.trigger.at <= now) {
-    fault.trigger.at = now;
-    fault.table.set("at_s", config::Value{to_s(now), {}});
+void Injector::add(Fault fault, Instant now) {
+  const auto write = [&fault](std::string_view key, Instant at) { fault.table.set(key, config::Value{to_s(at), {}}); };
+  Trigger& trigger = fault.trigger;
+  if (trigger.on != Trigger::On::kTime) {
+    trigger.armed_at = std::max(trigger.armed_at, now);
+    write("armed_at_s", trigger.armed_at);
+  } else if (fault.table.find("at_s") == nullptr) {
+    trigger.at = now;
+    write("at_s", now);
+  } else if (trigger.at < now) {
+    throw config::ConfigError{fault.table.find("at_s")->value.origin,
+                              fmt::format("fault.at_s = {}, is over: the run is at {} s", to_s(trigger.at), to_s(now)),
+                              "leave at_s away: it then begins at once"};
   }
-  config::Table written = fault.table;
   plan(std::move(fault));
   update_deadline();
-  return written;
 }
 
 std::size_t Injector::clear(std::string_view name, Instant now) {
   std::size_t count = 0;
   for (Planned& planned : faults_) {
-    if (planned.phase == Phase::kOver || planned.fault.name != name) continue;
-    if (planned.phase == Phase::kWaiting) planned.phase = Phase::kOver;
-    planned.due = now;
+    Fault& fault = planned.fault;
+    if (planned.phase == Phase::kOver || fault.name != name) continue;
+    fault.cleared_at = std::min(fault.cleared_at.value_or(now), now);
+    fault.table.set("cleared_at_s", config::Value{to_s(*fault.cleared_at), {}});
     ++count;
   }
   update_deadline();
   return count;
 }
 
+config::Array Injector::write() const {
+  config::Array faults;
+  for (const Planned& planned : faults_) faults.push_back({planned.fault.table, {}});
+  return faults;
+}
+
+std::vector<Injector::Standing> Injector::standing() const {
+  std::vector<Standing> standing;
+  for (const Planned& planned : faults_) {
+    if (planned.phase == Phase::kOver) continue;
+    const Instant cleared = planned.fault.cleared_at.value_or(Instant::never());
+    const bool is_on = planned.phase == Phase::kOn;
+    standing.push_back({planned.fault.name, is_on, is_on ? std::min(planned.due, cleared) : planned.due});
+  }
+  return standing;
+}
+
 void Injector::update_deadline() {
   deadline_ = Instant::never();
   for (const Planned& planned : faults_) {
-    if (planned.phase != Phase::kOver) deadline_ = std::min(deadline_, planned.due);
+    if (planned.phase != Phase::kOver) {
+      deadline_ = std::min({deadline_, planned.due, planned.fault.cleared_at.value_or(Instant::never())});
+    }
     if (planned.twin) deadline_ = std::min(deadline_, planned.twin->next_deadline());
   }
   for (const Held& held : held_) deadline_ = std::min(deadline_, held.due);
@@ -172,8 +199,16 @@ void Injector::end(std::size_t number, Instant now, bus::RunControl& run) {
        fault.target == Target::kFrame ? fmt::format(": hit {} of {} frames", planned.hits, planned.matched) : "");
 }
 
+/// A fault that is cleared is over, or ends now.
+void Injector::obey_clearing(Planned& planned, Instant now) const {
+  if (planned.phase == Phase::kOver || planned.fault.cleared_at.value_or(Instant::never()) > now) return;
+  if (planned.phase == Phase::kWaiting) planned.phase = Phase::kOver;
+  planned.due = now;
+}
+
 void Injector::on_time(Instant now, bus::RunControl& run) {
   for (std::size_t number = 0; number < faults_.size(); ++number) {
+    obey_clearing(faults_[number], now);
     if (faults_[number].due > now) continue;
     if (faults_[number].phase == Phase::kWaiting) begin(number, now, run);
     if (faults_[number].phase == Phase::kOn && faults_[number].due <= now) end(number, now, run);
@@ -245,8 +280,8 @@ bool Injector::on_frame(const can::StampedFrame& stamped, std::size_t sender, bu
   for (std::size_t number = 0; number < faults_.size(); ++number) {
     Planned& planned = faults_[number];
     const Trigger& trigger = planned.fault.trigger;
-    if (planned.phase == Phase::kWaiting && trigger.on == Trigger::On::kFrame && trigger.frame.matches(frame) &&
-        ++planned.seen >= trigger.nth) {
+    if (planned.phase == Phase::kWaiting && trigger.on == Trigger::On::kFrame && now >= trigger.armed_at &&
+        trigger.frame.matches(frame) && ++planned.seen >= trigger.nth) {
       begin(number, now, run);
     }
     if (planned.phase != Phase::kOn || planned.fault.target != Target::kFrame || !hits(planned, frame)) continue;
@@ -303,6 +338,7 @@ void Injector::on_row(Instant at, std::span<const double> values) {
   bool any = false;
   for (Planned& planned : faults_) {
     if (planned.phase != Phase::kWaiting || planned.fault.trigger.on != Trigger::On::kSignal) continue;
+    if (at < planned.fault.trigger.armed_at) continue;
     if (planned.due != Instant::never() || !holds(planned.fault.trigger, values[planned.signal])) continue;
     planned.due = at;
     any = true;

@@ -44,12 +44,23 @@ class Injector final : public bus::Intervention {
   /// @throws config::ConfigError if a trigger names a signal that is not there.
   Injector(std::vector<Fault> faults, const Setup& setup);
 
-  /// Adds a fault of a running bench. Without a trigger of its own it begins at `now`.
-  /// @throws config::ConfigError as the constructor.
-  /// @returns the fault as it is to be written down so that it happens again.
-  config::Table add(Fault fault, Instant now);
-  /// Ends all faults of this name that are on or still to come. @returns how many.
+  /// How a fault stands.
+  struct Standing {
+    std::string_view name;
+    bool is_on = false;              ///< False: still to come.
+    Instant due = Instant::never();  ///< Of its end, or its beginning, if that is known.
+  };
+
+  /// Adds a fault to a running bench, at an instant at which on_time() is still to be called. Without a trigger of its
+  /// own it begins at `now`.
+  /// @throws config::ConfigError as the constructor, and for an at_s that is over; nothing is added then.
+  void add(Fault fault, Instant now);
+  /// Ends all faults of this name that are on or still to come, at such an instant. @returns how many.
   std::size_t clear(std::string_view name, Instant now);
+  /// All faults as they are to be written down, so that they happen again at the same instants: [[fault]].
+  [[nodiscard]] config::Array write() const;
+  /// Of those that are not over.
+  [[nodiscard]] std::vector<Standing> standing() const;
 
   /// Of a participant, for its FaultyPort.
   [[nodiscard]] const ProgramCondition& condition_of(std::size_t participant) const { return programs_[participant]; }
@@ -82,6 +93,7 @@ class Injector final : public bus::Intervention {
   };
 
   void plan(Fault fault);
+  void obey_clearing(Planned& planned, Instant now) const;
   void begin(std::size_t number, Instant now, bus::RunControl& run);
   void end(std::size_t number, Instant now, bus::RunControl& run);
   void begin_program(const Fault& fault, Instant now, bus::RunControl& run);

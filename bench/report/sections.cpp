@@ -74,11 +74,20 @@ std::string describe_speed(const record::Recording& recording) {
   return recording.info.in_virtual_time() ? "virtual time" : "";
 }
 
+bool has_event(const record::Recording& recording, std::string_view code) {
+  return std::ranges::any_of(recording.events, [&](const record::RecordedEvent& e) { return e.event.code == code; });
+}
+
+/// The scenario does not know of faults that were given while the run went on; repro.toml does.
+bool has_live_faults(const record::Recording& recording) {
+  return has_event(recording, "fault-given") || has_event(recording, "fault-cleared");
+}
+
 std::string describe_repeatability(const record::Recording& recording) {
   if (!recording.info.in_virtual_time()) return "not to the byte: at wall-clock pace";
-  const bool disturbed = std::ranges::any_of(
-      recording.events, [](const record::RecordedEvent& e) { return e.event.code == "frames-from-outside"; });
-  return disturbed ? "not to the byte: a program outside the run has sent frames" : "to the byte";
+  if (has_event(recording, "frames-from-outside")) return "not to the byte: a program outside the run has sent frames";
+  return has_live_faults(recording) ? "to the byte, with the repro.toml of its folder: faults came while it went on"
+                                    : "to the byte";
 }
 
 std::string describe_end(const record::Recording& recording) {
@@ -345,7 +354,8 @@ std::string render_what_was_run(std::span<const Run> runs) {
   html += "</tbody></table></div>\n";
   std::vector<std::string> commands;
   for (const Run& run : runs) {
-    const std::string& command = run.recording->info.repeat_command;
+    const std::string command =
+        has_live_faults(*run.recording) ? "meltbench run repro.toml" : run.recording->info.repeat_command;
     if (!command.empty() && std::find(commands.begin(), commands.end(), command) == commands.end()) {
       commands.push_back(command);
     }

@@ -151,9 +151,11 @@ Trigger read_trigger(const Section& section, bool live) {
     trigger.on = Trigger::On::kSignal;
     trigger.signal = when.text("signal");
     read_bounds(when, trigger);
-  } else if (given == 1) {
-    trigger.at = Instant{section.duration("at_s", config::between(0, kLongest_s))};
+  } else {
+    if (section.has("armed_at_s")) section.fail("armed_at_s", "is for at_frame and when", "at_s says when it begins");
+    if (given == 1) trigger.at = Instant{section.duration("at_s", config::between(0, kLongest_s))};
   }
+  trigger.armed_at = Instant{section.duration_or("armed_at_s", 0, config::between(0, kLongest_s))};
   return trigger;
 }
 
@@ -189,6 +191,9 @@ Fault read_fault(const Section& section, const Scope* scope, bool live) {
   }
   fault.trigger = read_trigger(section, live);
   if (section.has("for_s")) fault.duration = section.duration("for_s", config::above_up_to(0, kLongest_s));
+  if (section.has("cleared_at_s")) {
+    fault.cleared_at = Instant{section.duration("cleared_at_s", config::between(0, kLongest_s))};
+  }
   if (fault.target == Target::kFrame) read_frame_keys(section, fault);
   if (fault.kind() == Kind::kSameNodeId && scope != nullptr) describe_board(fault, *scope);
   fault.seed = static_cast<std::uint64_t>(section.integer_or("seed", 1, config::at_least(0)));
@@ -200,6 +205,11 @@ Fault read_fault(const Section& section, const Scope* scope, bool live) {
   }
   section.finish();
   return fault;
+}
+
+Fault read_live_table(config::Table table, const Scope& scope) {
+  const Section section{std::make_shared<const config::Table>(std::move(table)), "fault"};
+  return read_fault(section, &scope, true);
 }
 
 }  // namespace
@@ -258,8 +268,15 @@ std::vector<Fault> read_faults(const Section& root, const Scope& scope) {
 }
 
 Fault read_live_fault(std::string_view text, const Scope& scope) {
-  const Section section{std::make_shared<const config::Table>(config::parse_toml(text, "fault"))};
-  return read_fault(section, &scope, true);
+  const bool is_one_line = text.find('\n') == std::string_view::npos;
+  if (!is_one_line) return read_live_table(config::parse_toml(text, "fault"), scope);
+  const config::Table line = config::parse_toml(fmt::format("fault = {{ {} }}", text), "fault");
+  const config::Entry& only = line.entries().front();
+  const auto* table = std::get_if<config::Table>(&only.value.data);
+  if (line.entries().size() != 1 || table == nullptr) {
+    throw config::ConfigError{only.value.origin, "this is not one fault", "e.g. 'target = \"frame\", kind = \"drop\"'"};
+  }
+  return read_live_table(*table, scope);
 }
 
 std::string write_order(std::size_t number, bool begins, const Fault& fault) {

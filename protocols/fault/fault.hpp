@@ -36,6 +36,7 @@ struct Trigger {
   std::string signal;     ///< kSignal: in the row in which it becomes true.
   std::optional<double> above;
   std::optional<double> below;
+  Instant armed_at;  ///< kFrame, kSignal: nothing before counts.
 };
 
 struct Fault {
@@ -45,7 +46,8 @@ struct Fault {
   const KindInfo* info = nullptr;
   std::vector<double> values;  ///< Of info->parameters, in their order and unit.
   Trigger trigger;
-  std::optional<Nanos> duration;  ///< None: until it is cleared, or to the end of the run.
+  std::optional<Nanos> duration;      ///< None: until it is cleared, or to the end of the run.
+  std::optional<Instant> cleared_at;  ///< Ends then at the latest, or does not begin any more.
   std::uint64_t seed = 1;
 
   // target = "frame" only
@@ -88,7 +90,9 @@ struct Scope {
 /// - at_s         >= 0                  begins then; or
 /// - at_frame     { id, mask (all bits), extended (false), n (1) }   with the nth such frame; or
 /// - when         { signal, above and/or below }   when that becomes true, looked at once per recorded row
+/// - armed_at_s   >= 0 (0)              with at_frame or when: what was before does not count
 /// - for_s        > 0 (to the end)      how long
+/// - cleared_at_s >= 0 (never)          ends then at the latest, or does not begin any more
 /// - name         ("target kind")       for messages
 /// - seed         >= 0 (1)              of its chance, together with the run's seed
 /// target = "frame": id (any), mask (all bits), extended (false), probability 0..1 (1), count >= 1 (no end)
@@ -97,8 +101,8 @@ struct Scope {
 /// @throws config::ConfigError: also for what the target cannot do.
 [[nodiscard]] std::vector<Fault> read_faults(const config::Section& root, const Scope& scope);
 
-/// One fault that is given to a running bench: the same keys, and it may come without a trigger: it then begins at
-/// once.
+/// One fault that is given to a running bench: the same keys, in one line with commas between them or in several, and
+/// it may come without a trigger: it then begins at once.
 /// @throws config::ConfigError as read_faults(), and for a text that is no TOML.
 [[nodiscard]] Fault read_live_fault(std::string_view text, const Scope& scope);
 

@@ -4,7 +4,8 @@
 /// One message is one datagram; both ends are the same build on the same machine, so numbers stand as they are in
 /// memory.
 ///
-///   program -> broker   Hello {name, signals}                      first
+///   program -> broker   Hello {name, signals}                      first; or, of who gives faults to a running bench,
+///                       Question {about, text} -> Answer {accepted, text, hint}, one a connection
 ///   broker -> program   Welcome {pace, ...}                        when all that the run waits for are there
 ///   lockstep:           Wake {now, frames} -> Done {deadline, frames, events, signals}, in turn, until Stop
 ///   wall clock:         Frames and Serial {line, bytes} both ways at any time; program -> broker Report {at, signals,
@@ -40,6 +41,8 @@ enum class MessageType : std::uint8_t {
   kNodes,
   kLines,
   kOrder,
+  kQuestion,
+  kAnswer,
 };
 
 /// How time passes in a run.

@@ -6,6 +6,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
@@ -16,8 +17,11 @@
 namespace meltbench::link {
 namespace {
 
+constexpr std::string_view kExtension = ".bus";
+constexpr Nanos kConnectPatience = 5s;  // With a broker that takes nobody: it hangs, or has been stopped.
+
 std::string socket_path(std::string_view name) {
-  return fmt::format("{}/{}.bus", embedded_bus_folder(), name);
+  return fmt::format("{}/{}{}", embedded_bus_folder(), name, kExtension);
 }
 
 sockaddr_un make_address(const std::string& path) {
@@ -46,11 +50,16 @@ bool is_served(const std::string& path) {
   return connect_to(make_socket(SOCK_NONBLOCK), make_address(path)) || errno != ECONNREFUSED;
 }
 
+void set_send_timeout(const UniqueFd& socket, Nanos timeout) {
+  const timeval value{timeout / 1s, timeout % 1s / 1us};
+  ::setsockopt(socket.get(), SOL_SOCKET, SO_SNDTIMEO, &value, sizeof(value));
+}
+
 /// Removes the sockets of brokers that were killed: nobody listens on them any more.
 void remove_orphans(const std::string& folder) {
   std::error_code error;
   for (const auto& entry : std::filesystem::directory_iterator{folder, error}) {
-    if (entry.path().extension() != ".bus") continue;
+    if (entry.path().extension() != kExtension) continue;
     if (!is_served(entry.path().string())) ::unlink(entry.path().c_str());
   }
 }
@@ -80,7 +89,7 @@ UniqueFd listen_embedded_bus(std::string_view name) {
   remove_orphans(embedded_bus_folder());
   const std::string path = socket_path(name);
   const sockaddr_un address = make_address(path);
-  if (std::filesystem::exists(path) && is_served(path)) {
+  if (std::filesystem::exists(path)) {
     throw LinkError{fmt::format("an embedded bus named \"{}\" is running already", name),
                     "end that run, or name this one otherwise: --can virtual:OTHER"};
   }
@@ -90,6 +99,15 @@ UniqueFd listen_embedded_bus(std::string_view name) {
     throw LinkError{fmt::format("cannot listen on {}: {}", path, std::strerror(errno)), "is the disk full?"};
   }
   return socket;
+}
+
+std::vector<std::string> list_embedded_buses() {
+  std::vector<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator{embedded_bus_folder()}) {
+    if (entry.path().extension() == kExtension) names.push_back(entry.path().stem().string());
+  }
+  std::ranges::sort(names);
+  return names;
 }
 
 void remove_embedded_bus(std::string_view name) noexcept {
@@ -102,10 +120,12 @@ void remove_embedded_bus(std::string_view name) noexcept {
 UniqueFd connect_embedded_bus(std::string_view name) {
   const std::string path = socket_path(name);
   UniqueFd socket = make_socket();
+  set_send_timeout(socket, kConnectPatience);
   if (!connect_to(socket, make_address(path))) {
     throw LinkError{fmt::format("there is no embedded bus named \"{}\" ({}: {})", name, path, std::strerror(errno)),
                     "\"meltbench run\" starts one; without it use a kernel interface, e.g. --can vcan0"};
   }
+  set_send_timeout(socket, 0s);
   return socket;
 }
 

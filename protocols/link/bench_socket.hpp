@@ -24,6 +24,9 @@ namespace meltbench::link {
 /// Removes the socket's name again; what is connected stays so.
 void remove_embedded_bus(std::string_view name) noexcept;
 
+/// Names of the embedded buses of this user, in alphabetic order; of a broker that was killed, too.
+[[nodiscard]] std::vector<std::string> list_embedded_buses();
+
 /// Connects to the broker of bus `name`.
 /// @throws LinkError if there is none.
 [[nodiscard]] UniqueFd connect_embedded_bus(std::string_view name);

@@ -364,4 +364,38 @@ std::optional<std::string> read_order(std::span<const std::uint8_t> message) {
   return text;
 }
 
+void write_question(MessageWriter& writer, const Question& question) {
+  writer.begin(MessageType::kQuestion);
+  writer.put(link::kBenchProtocolVersion);
+  writer.put(question.about);
+  writer.put_text(question.text);
+}
+
+std::optional<Question> read_question(std::span<const std::uint8_t> message) {
+  auto reader = open(message, MessageType::kQuestion);
+  if (!reader || reader->take<std::uint32_t>() != link::kBenchProtocolVersion) return std::nullopt;
+  const auto about = reader->take<std::uint8_t>();
+  Question question{static_cast<Question::About>(about), std::string{reader->take_text()}};
+  if (!reader->complete() || about > static_cast<std::uint8_t>(Question::About::kFaults)) return std::nullopt;
+  return question;
+}
+
+void write_answer(MessageWriter& writer, const Answer& answer) {
+  writer.begin(MessageType::kAnswer);
+  writer.put(answer.accepted);
+  writer.put_text(answer.text);
+  writer.put_text(answer.hint);
+}
+
+std::optional<Answer> read_answer(std::span<const std::uint8_t> message) {
+  auto reader = open(message, MessageType::kAnswer);
+  if (!reader) return std::nullopt;
+  Answer answer;
+  answer.accepted = reader->take<std::uint8_t>() != 0;
+  answer.text = reader->take_text();
+  answer.hint = reader->take_text();
+  if (!reader->complete()) return std::nullopt;
+  return answer;
+}
+
 }  // namespace meltbench::runtime

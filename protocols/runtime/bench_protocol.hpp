@@ -86,6 +86,28 @@ void write_order(link::MessageWriter& writer, std::string_view text);
 /// @returns nothing if it is no such message.
 [[nodiscard]] std::optional<std::string> read_order(std::span<const std::uint8_t> message);
 
+/// What somebody outside asks of a running bench.
+struct Question {
+  enum class About : std::uint8_t {
+    kRun,         ///< Which run is it? The answer is its folder, and in a second line its name.
+    kBeginFault,  ///< `text` is the fault.
+    kClearFault,  ///< `text` is its name.
+    kFaults,      ///< Which are on, and what can fail?
+  };
+  About about = About::kRun;
+  std::string text{};
+};
+struct Answer {
+  bool accepted = false;
+  std::string text;    ///< What happens now, or why it does not: for people.
+  std::string hint{};  ///< Not accepted: what can be done; may be empty.
+};
+void write_question(link::MessageWriter& writer, const Question& question);
+/// @returns nothing if it is no such message, or that of another version.
+[[nodiscard]] std::optional<Question> read_question(std::span<const std::uint8_t> message);
+void write_answer(link::MessageWriter& writer, const Answer& answer);
+[[nodiscard]] std::optional<Answer> read_answer(std::span<const std::uint8_t> message);
+
 /// Wall clock: bytes on a serial line that the embedded bus carries. To the bench: `at` is when they were written; to a
 /// program: when the last of them was there. Both on CLOCK_MONOTONIC.
 void write_serial_piece(link::MessageWriter& writer, const SerialArrival& piece);
