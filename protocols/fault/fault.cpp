@@ -268,15 +268,9 @@ std::vector<Fault> read_faults(const Section& root, const Scope& scope) {
 }
 
 Fault read_live_fault(std::string_view text, const Scope& scope) {
-  const bool is_one_line = text.find('\n') == std::string_view::npos;
-  if (!is_one_line) return read_live_table(config::parse_toml(text, "fault"), scope);
+  if (text.find('\n') != std::string_view::npos) return read_live_table(config::parse_toml(text, "fault"), scope);
   const config::Table line = config::parse_toml(fmt::format("fault = {{ {} }}", text), "fault");
-  const config::Entry& only = line.entries().front();
-  const auto* table = std::get_if<config::Table>(&only.value.data);
-  if (line.entries().size() != 1 || table == nullptr) {
-    throw config::ConfigError{only.value.origin, "this is not one fault", "e.g. 'target = \"frame\", kind = \"drop\"'"};
-  }
-  return read_live_table(*table, scope);
+  return read_live_table(std::get<config::Table>(line.entries().front().value.data), scope);
 }
 
 std::string write_order(std::size_t number, bool begins, const Fault& fault) {

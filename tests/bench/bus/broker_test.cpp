@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <catch2/catch.hpp>
+#include <optional>
 
 using namespace meltbench;
 using namespace meltbench::bus;
@@ -58,4 +59,49 @@ TEST_CASE("Broker: who is not waited for, or comes twice, is a newcomer later", 
     if (const auto newcomer = broker.take_newcomer()) later.push_back(newcomer->hello.name);
   }
   CHECK(later == std::vector<std::string>{"controller", "plant"});
+}
+
+TEST_CASE("Broker: a question is kept for who answers it; that about the run is answered at once", "[bus]") {
+  using runtime::Question;
+  Broker broker{kBus, "folder\nrun"};
+  std::vector<link::BenchSocket> silent;
+  while (silent.size() < Broker::kMaxSilent - 2) {
+    silent.push_back(connect(kBus));
+    CHECK_FALSE(broker.take_question().has_value());  // Takes it in: no more than 16 can wait outside.
+  }
+  link::BenchSocket about_run = connect(kBus);
+  link::BenchSocket about_fault = connect(kBus);
+  link::MessageWriter writer;
+  runtime::write_question(writer, {Question::About::kRun, ""});
+  REQUIRE(about_run.send(writer.bytes()));
+  runtime::write_question(writer, {Question::About::kBeginFault, "target = 1"});
+  REQUIRE(about_fault.send(writer.bytes()));
+  std::optional<Asked> asked;
+  for (std::size_t looks = 0; looks < 2 * Broker::kMaxSilent && !asked; ++looks) asked = broker.take_question();
+  REQUIRE(asked.has_value());
+  CHECK(asked->question.about == Question::About::kBeginFault);
+  CHECK(asked->question.text == "target = 1");
+  answer(*asked, {true, "it begins"});
+  std::span<const std::uint8_t> message;
+  REQUIRE(about_run.try_receive(message) == link::ReceiveStatus::kMessage);
+  CHECK(runtime::read_answer(message)->text == "folder\nrun");
+  REQUIRE(about_fault.try_receive(message) == link::ReceiveStatus::kMessage);
+  CHECK(runtime::read_answer(message)->text == "it begins");
+  CHECK_FALSE(broker.take_question().has_value());
+  CHECK_FALSE(broker.take_newcomer().has_value());
+}
+
+TEST_CASE("Broker: when it goes, who waits for an answer sees that", "[bus]") {
+  std::optional<Broker> broker{kBus};
+  link::BenchSocket taken = connect(kBus);
+  link::MessageWriter writer;
+  runtime::write_question(writer, {runtime::Question::About::kFaults, ""});
+  REQUIRE(taken.send(writer.bytes()));
+  CHECK(broker->take_question().has_value());  // And lets go of it.
+  link::BenchSocket waiting = connect(kBus);
+  REQUIRE(waiting.send(writer.bytes()));
+  broker.reset();
+  std::span<const std::uint8_t> message;
+  CHECK(taken.receive(message) == link::ReceiveStatus::kClosed);
+  CHECK(waiting.receive(message) == link::ReceiveStatus::kClosed);
 }

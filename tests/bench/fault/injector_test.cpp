@@ -69,6 +69,7 @@ struct Run {
   std::vector<Event> events;
   std::vector<can::StampedFrame> recorded;
   std::vector<double> talker;
+  std::string written;  ///< Its faults, as [[fault]].
 
   /// Numbers of the frames with this id, in the order in which they came.
   [[nodiscard]] std::vector<int> numbers(std::uint32_t id) const {
@@ -85,11 +86,47 @@ const config::Section& rig_root() {
   return root;
 }
 
-Run run(const std::vector<std::string>& texts, Nanos duration = 95ms, std::uint64_t seed = 1) {
+const fault::Scope& scope() {
   static const config::Rig rig = config::read_rig(rig_root());
-  const fault::Scope scope{rig, "bizone"};
-  std::vector<fault::Fault> faults;
-  for (const std::string& text : texts) faults.push_back(fault::read_live_fault(text, scope));
+  static const fault::Scope scope{rig, "bizone"};
+  return scope;
+}
+
+/// What somebody asks of a running bench, at the first instant that is not before `at`.
+struct Order {
+  Instant at;
+  std::string begin;  ///< A fault; empty:
+  std::string clear;  ///< the name of one.
+};
+
+/// Hands on to the injector, and orders.
+class LiveOrders final : public bus::Intervention {
+ public:
+  LiveOrders(fault::Injector& injector, std::vector<Order> orders) : injector_{injector}, orders_{std::move(orders)} {}
+  bool look(Instant now) override {
+    bool any = false;
+    for (; !orders_.empty() && orders_.front().at <= now; orders_.erase(orders_.begin())) {
+      const Order& order = orders_.front();
+      if (!order.begin.empty()) injector_.add(fault::read_live_fault(order.begin, scope()), now);
+      if (!order.clear.empty()) CHECK(injector_.clear(order.clear, now) == 1);
+      any = true;
+    }
+    return any;
+  }
+  [[nodiscard]] Instant next_deadline() const override { return injector_.next_deadline(); }
+  void on_time(Instant now, bus::RunControl& run) override { injector_.on_time(now, run); }
+  [[nodiscard]] bool on_frame(const can::StampedFrame& frame, std::size_t sender, bus::RunControl& run) override {
+    return injector_.on_frame(frame, sender, run);
+  }
+  void on_row(Instant at, std::span<const double> values) override { injector_.on_row(at, values); }
+
+ private:
+  fault::Injector& injector_;
+  std::vector<Order> orders_;
+};
+
+Run run_faults(const std::vector<fault::Fault>& faults, const std::vector<Order>& orders, Nanos duration,
+               std::uint64_t seed) {
   Run result;
   Restartable talker{[] { return std::make_unique<Talker>(); }};
   Listener listener;
@@ -102,13 +139,23 @@ Run run(const std::vector<std::string>& texts, Nanos duration = 95ms, std::uint6
   fault::FaultyPort faulty_second{second, injector.condition_of(1)};
   const std::vector<runtime::ParticipantPort*> ports{&faulty_first, &faulty_second};
   Observer observer;
-  REQUIRE(bus::VirtualTime{ports, 10ms, observer, {.intervention = &injector}}.run(duration).kind ==
+  LiveOrders live{injector, orders};
+  REQUIRE(bus::VirtualTime{ports, 10ms, observer, {.intervention = &live}}.run(duration).kind ==
           bus::RunOutcome::Kind::kCompleted);
+  config::Table written;
+  written.set("fault", config::Value{injector.write(), {}});
+  result.written = config::write_toml(written);
   result.heard = listener.heard;
   result.orders = listener.orders;
   result.recorded = observer.frames;
   result.talker = observer.talker;
   return result;
+}
+
+Run run(const std::vector<std::string>& texts, Nanos duration = 95ms, std::uint64_t seed = 1) {
+  std::vector<fault::Fault> faults;
+  for (const std::string& text : texts) faults.push_back(fault::read_live_fault(text, scope()));
+  return run_faults(faults, {}, duration, seed);
 }
 
 std::vector<int> range(int first, int last) {
@@ -235,4 +282,55 @@ TEST_CASE("Another device with a board's node id boots up, or answers SYNC as if
   const Run running = run({text + "1"}, 1s);
   CHECK(running.numbers(0x707) == std::vector<int>{5, 5});  // Operational, every 100 ms.
   CHECK(running.recorded.size() == running.heard.size());
+}
+
+TEST_CASE("Faults that come and go by order are written down so that they happen again at the same instants",
+          "[fault]") {
+  const std::vector<Order> orders{
+      {Instant{13ms}, "target = 'frame', kind = 'drop', probability = 0.5, name = 'chance'", {}},
+      {Instant{20ms},
+       "target = 'frame', kind = 'delay', delay_ms = 3, id = 0x182, at_frame = { id = 0x181, n = 3 }",
+       {}},
+      {Instant{30ms},
+       "target = 'frame', kind = 'duplicate', when = { signal = 'talker.sent', above = 2 }, for_s = 1",
+       {}},
+      {Instant{55ms}, {}, "chance"},
+      {Instant{60ms}, "target = 'clock.plant', kind = 'step', step_ms = 5, at_s = 0.125", {}},
+      {Instant{60ms}, "target = 'board.feeder', kind = 'off', at_s = 0.2, name = 'never'", {}},
+      {Instant{90ms}, {}, "never"},
+      {Instant{100ms}, {}, "frame delay"},
+      {Instant{150ms}, "target = 'frame', kind = 'drop', count = 1", {}},
+  };
+  const auto of_file =
+      fault::read_live_fault("target = 'frame'\nkind = 'reorder'\nprobability = 0.1\nat_s = 0", scope());
+  const Run first = run_faults({of_file}, orders, 300ms, 1);
+  const config::Section root{std::make_shared<const config::Table>(config::parse_toml(first.written, "written"))};
+  const std::vector<fault::Fault> written = fault::read_faults(root, scope());
+  REQUIRE(written.size() == 7);
+  CHECK(written[1].trigger.at == Instant{20ms});  // The first instant at which somebody was due.
+  CHECK(written[1].cleared_at == Instant{60ms});
+  CHECK(written[2].trigger.armed_at == Instant{20ms});
+  const Run again = run_faults(written, {}, 300ms, 1);
+  CHECK(again.heard == first.heard);
+  CHECK(again.recorded == first.recorded);
+  CHECK(again.orders.empty());  // "never" was cleared before it began.
+  const auto list_events = [](const Run& one) {
+    std::vector<std::string> texts;
+    for (const Event& event : one.events) texts.push_back(std::to_string(to_s(event.at)) + event.code + event.text);
+    return texts;
+  };
+  CHECK(list_events(again) == list_events(first));
+  CHECK(again.written == first.written);
+}
+
+TEST_CASE("An order for a time that is over is refused, and changes nothing", "[fault]") {
+  fault::Injector injector{{}, {}};
+  const auto late = fault::read_live_fault("target = 'frame', kind = 'drop', at_s = 1", scope());
+  CHECK_THROWS_WITH(injector.add(late, Instant{2s}), Catch::Contains("at_s = 1, is over: the run is at 2 s"));
+  const auto unknown =
+      fault::read_live_fault("target = 'frame', kind = 'drop', when = { signal = 'x', above = 0 }", scope());
+  CHECK_THROWS_WITH(injector.add(unknown, Instant{2s}), Catch::Contains("there is no \"x\""));
+  CHECK(injector.standing().empty());
+  CHECK(injector.next_deadline() == Instant::never());
+  CHECK(injector.clear("frame drop", Instant{2s}) == 0);
 }

@@ -103,6 +103,19 @@ TEST_CASE("A fault of a scenario begins by exactly one trigger", "[fault]") {
   CHECK_FALSE(nth.frames.matches(can::make_frame(0x186, {})));
 }
 
+TEST_CASE("A fault of a running bench may come in one line, and alone", "[fault]") {
+  const Bench bench{"bizone.toml"};
+  const auto drop = bench.read("target = 'frame', kind = 'drop', at_frame = { id = 0x80, n = 7 }, armed_at_s = 2.5");
+  CHECK(drop.trigger.nth == 7);
+  CHECK(drop.trigger.armed_at == Instant{2500ms});
+  CHECK(bench.read("target = 'frame'\nkind = 'drop'\ncleared_at_s = 3").cleared_at == Instant{3s});
+  CHECK_THAT(bench.refusal("target = 'frame', kind = 'drop', at_s = 1, armed_at_s = 2"), Contains("armed_at_s"));
+  CHECK_THAT(bench.refusal("target = 'frame', kind = 'drop' }, second = { x = 1"), Contains("TOML"));
+  CHECK_THAT(bench.refusal("}\nx = {"), Contains("TOML"));
+  CHECK_THAT(bench.refusal(""), Contains("target"));
+  CHECK_THAT(bench.refusal("target = 'frame' kind = 'drop'"), Contains("TOML"));
+}
+
 TEST_CASE("An order carries a fault to whoever carries it out", "[fault]") {
   const Bench bench{"bizone.toml"};
   const auto slow = bench.read("target = 'board.feeder'\nkind = 'slow'\ndelay_ms = 30\nname = 'tired feeder'");

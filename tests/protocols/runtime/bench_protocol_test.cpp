@@ -97,6 +97,26 @@ TEST_CASE("Bench protocol: an order and the plugs of serial lines come back as t
   CHECK(read == written);
 }
 
+TEST_CASE("Bench protocol: a question and its answer come back as they were written", "[runtime]") {
+  link::MessageWriter writer;
+  write_question(writer, {Question::About::kClearFault, "frame drop"});
+  const auto question = read_question(writer.bytes());
+  REQUIRE(question.has_value());
+  CHECK(question->about == Question::About::kClearFault);
+  CHECK(question->text == "frame drop");
+  CHECK_FALSE(read_hello(writer.bytes()).has_value());
+  CHECK_FALSE(read_question(writer.bytes().first(writer.bytes().size() - 1)).has_value());
+  std::vector<std::uint8_t> unknown{writer.bytes().begin(), writer.bytes().end()};
+  unknown[1 + sizeof(link::kBenchProtocolVersion)] = 99;
+  CHECK_FALSE(read_question(unknown).has_value());
+  write_answer(writer, {false, "no", "ask otherwise"});
+  const auto answer = read_answer(writer.bytes());
+  REQUIRE(answer.has_value());
+  CHECK_FALSE(answer->accepted);
+  CHECK(answer->text == "no");
+  CHECK(answer->hint == "ask otherwise");
+}
+
 TEST_CASE("Bench protocol: random bytes are refused and harm nobody", "[runtime]") {
   std::mt19937 draw{7};
   std::vector<std::uint8_t> bytes;
@@ -107,8 +127,9 @@ TEST_CASE("Bench protocol: random bytes are refused and harm nobody", "[runtime]
   for (int i = 0; i < 20000; ++i) {
     bytes.resize(draw() % 64);
     for (auto& byte : bytes) byte = static_cast<std::uint8_t>(draw() % 256);
-    if (!bytes.empty()) bytes[0] = static_cast<std::uint8_t>(1 + draw() % 12);
+    if (!bytes.empty()) bytes[0] = static_cast<std::uint8_t>(1 + draw() % 14);
     accepted += read_hello(bytes).has_value() ? 1 : 0;
+    accepted += read_question(bytes).has_value() ? 1 : 0;
     accepted += read_wake(bytes, storage).has_value() && !storage.frames.empty() ? 1 : 0;
     accepted += read_done(bytes, out, signals) && !out.frames().empty() ? 1 : 0;
   }
