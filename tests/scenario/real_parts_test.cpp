@@ -57,7 +57,8 @@ class RunWithOutsider {
 TEST_CASE("Real parts: boards that the bench does not emulate are controlled, and judged by what is on the wire",
           "[scenario]") {
   const TemporaryFolder folder;
-  const auto scenario = write_scenario(folder.path(), std::string{"[controller]\nboot_timeout_s = 60\n"} + kRealBoards + band("filled length", "plant.x_m", 0, 0.2, 0) +
+  const auto scenario = write_scenario(folder.path(), std::string{"[controller]\nboot_timeout_s = 60\n"} + kRealBoards +
+                                                          band("filled length", "plant.x_m", 0, 0.2, 3) +
                                                           band("flow on the wire", "wire.feeder.2001", 1, 22, 5) +
                                                           band("set point on the wire", "wire.feeder.2000", 1, 22, 5) +
                                                           band("command", "controller.U_command", 0, 1, 5));
@@ -79,8 +80,9 @@ TEST_CASE("Real parts: boards that the bench does not emulate are controlled, an
 TEST_CASE("Real parts: an external controller joins a running bench, and its frames move the emulated plant",
           "[scenario]") {
   const TemporaryFolder folder;
+  // From 3 s on: on a busy host the plant's first rows come late.
   const auto scenario =
-      write_scenario(folder.path(), "[controller]\nexternal = true\n" + band("filled length", "plant.x_m", 0, 0.2, 0) +
+      write_scenario(folder.path(), "[controller]\nexternal = true\n" + band("filled length", "plant.x_m", 0, 0.2, 3) +
                                         band("command", "controller.U_command", 0, 1, 5));
   SECTION("at wall-clock pace, whenever it comes") {
     RunWithOutsider run{folder.path(), scenario, "controller"};
