@@ -26,8 +26,8 @@ std::filesystem::path find_log(const std::filesystem::path& path) {
 std::filesystem::path find_serial_log(const std::filesystem::path& log) {
   std::filesystem::path name = log.filename();
   if (name.extension() == ".gz") name.replace_extension();
-  for (const std::string& beside :
-       {name.stem().string() + ".serial.log", name.stem().string() + ".serial.log.gz", std::string{"serial.log"}}) {
+  const std::string stem = name.stem().string() + ".serial";
+  for (const std::string& beside : {stem + ".log", stem + ".log.gz", stem + ".gz", std::string{"serial.log"}}) {
     if (std::filesystem::exists(log.parent_path() / beside)) return log.parent_path() / beside;
   }
   return {};

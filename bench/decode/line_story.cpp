@@ -13,8 +13,8 @@ namespace {
 
 using Bytes = std::span<const std::uint8_t>;
 
-constexpr Nanos kRow = 1s;  // Equal things closer than this are one finding.
-constexpr Nanos kLeastSilence = 50ms;
+constexpr Nanos kRow = 1s;               // Equal things closer than this are one finding.
+constexpr Nanos kLeastSilence = 200ms;   // Longer than masters wait for an answer.
 constexpr std::size_t kMaxPolls = 1000;  // Kinds of requests on a line.
 
 bool has_good_checksum(Bytes frame) {

@@ -33,7 +33,7 @@ struct LineFinding {
 };
 
 /// Listens to Modbus RTU. It need not know who speaks: a frame is the answer if it fits what was asked before.
-/// Silence is a pause of more than 2.5 times the longest of the last five between requests, and 50 ms at the least.
+/// Silence is a pause of more than 2.5 times the longest of the last five between requests, and 200 ms at the least.
 ///
 /// Cost: some ns a byte, checksums twice. Memory: the findings, at most kMaxFindings.
 class LineStory {
