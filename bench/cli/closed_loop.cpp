@@ -90,12 +90,20 @@ bool ClosedLoop::is_possible() const {
   return !settings_.rig.controller_is_external && !settings_.rig.has_real_board() && end_ > Instant{};
 }
 
-void ClosedLoop::take_bit_timed_bus(std::optional<Nanos> restart_after) {
-  if (settings_.rig.bus.fidelity == config::BusFidelity::kBitTimed) return;
-  Table bus, over;
-  set(bus, "fidelity", std::string{"bit-timed"});
-  if (restart_after && !settings_.rig.bus.restart_after) set(bus, "restart_ms", to_s(*restart_after) * 1e3);
-  set(over, "bus", std::move(bus));
+Table make_bus(const decode::Extraction& found, const config::RigBus& bus) {
+  Table keys;
+  const bool is_bit_timed = bus.fidelity == config::BusFidelity::kBitTimed;
+  if (found.needs_bit_timed && !is_bit_timed) {
+    set(keys, "fidelity", std::string{"bit-timed"});
+    if (found.restart_after && !bus.restart_after) set(keys, "restart_ms", to_s(*found.restart_after) * 1e3);
+  }
+  if (found.needs_ideal && is_bit_timed) set(keys, "fidelity", std::string{"ideal"});
+  return keys;
+}
+
+void ClosedLoop::take_bus(const decode::Extraction& found) {
+  Table over;
+  set(over, "bus", make_bus(found, settings_.rig.bus));
   merge(tree_, over);
   settings_ = scenario::rebuild(settings_, tree_, end_.since_start);
 }

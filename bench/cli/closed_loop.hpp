@@ -28,9 +28,8 @@ class ClosedLoop {
 
   /// False where a part of the machine is real, or the controller external: nobody can run those in memory.
   [[nodiscard]] bool is_possible() const;
-  /// From now on the bus takes its bits, if it does not already: faults of the wire need that.
-  /// @param restart_after  how long bus-off lasts, if the settings do not say.
-  void take_bit_timed_bus(std::optional<Nanos> restart_after);
+  /// From now on the bus is as the faults need it. @see make_bus
+  void take_bus(const decode::Extraction& found);
 
   /// Whether such a fault is in the vocabulary of this machine.
   [[nodiscard]] bool knows(const config::Table& fault) const;
@@ -47,6 +46,10 @@ class ClosedLoop {
   config::Table tree_;  ///< Without faults.
   std::size_t runs_ = 0;
 };
+
+/// [bus] keys in place of those of the settings: "bit-timed" for faults of the wire, with the time to restart that the
+/// log shows, if the settings have none; "ideal" where the log shows that nothing was destroyed. Often empty.
+[[nodiscard]] config::Table make_bus(const decode::Extraction& found, const config::RigBus& bus);
 
 /// A table's fault as people call it: "sensor.zone2 drift at 12.3 s".
 [[nodiscard]] std::string describe_fault(const config::Table& fault);

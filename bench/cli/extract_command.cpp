@@ -61,16 +61,6 @@ Table make_head(const scenario::ResolvedRun& run, const Table& settings, const E
   return head;
 }
 
-/// [bus] of the settings, taking its bits if some fault needs that.
-void make_bit_timed(Table& tree, std::optional<Nanos> restart_after, const config::Rig& rig) {
-  if (rig.bus.fidelity == config::BusFidelity::kBitTimed) return;
-  Table bus, over;
-  set(bus, "fidelity", std::string{"bit-timed"});
-  if (restart_after && !rig.bus.restart_after) set(bus, "restart_ms", to_s(*restart_after) * 1e3);
-  set(over, "bus", std::move(bus));
-  merge(tree, over);
-}
-
 /// Everything of the settings but what the log replaces; events after its end cannot happen.
 Table make_scenario(const scenario::ResolvedRun& run, const ExtractRequest& request, decode::Extraction found,
                     Instant end) {
@@ -81,7 +71,11 @@ Table make_scenario(const scenario::ResolvedRun& run, const ExtractRequest& requ
   for (const config::Entry& entry : settings.entries()) {
     if (std::ranges::find(kReplaced, entry.key) == kReplaced.end() && entry.key != "event") tree.set(entry);
   }
-  if (found.needs_bit_timed) make_bit_timed(tree, found.restart_after, run.rig);
+  if (Table bus = make_bus(found, run.rig.bus); !bus.empty()) {
+    Table over;
+    set(over, "bus", std::move(bus));
+    merge(tree, over);
+  }
   Array events;
   for (const config::TimelineEvent& event : run.events) {
     if (event.at < end) events.push_back(Value{event.section.table(), {}});
@@ -118,11 +112,12 @@ class Maker {
   ExitStatus make() {
     read();
     loop_.emplace(run_, end_);
-    if (found_.needs_bit_timed) loop_->take_bit_timed_bus(found_.restart_after);
+    if (loop_->is_possible()) loop_->take_bus(found_);
     leave_out_unknown();
     if (loop_->is_possible()) {
       look_for_silent_faults();
       name_babbler();
+      move_second_node();
       if (request_.minimise) leave_out_needless();
       compare();
     } else if (request_.minimise) {
@@ -201,6 +196,25 @@ class Maker {
       found_.faults = std::move(faults);
       return;
     }
+  }
+
+  /// When a second device is noticed depends on how its heartbeats lie between those of the first. Where both start in
+  /// another time than in the log, it has to come a heartbeat or two sooner or later.
+  void move_second_node() {
+    constexpr Nanos kMost = 200ms;
+    const auto doubles = [](const Table& fault) { return fault.find("running") != nullptr; };
+    const auto found = std::ranges::find_if(found_.faults, doubles);
+    if (found == found_.faults.end() || !safe_at()) return;
+    const ClosedLoopResult again = loop_->run(found_.faults);
+    const auto safe = std::ranges::find(again.reactions, decode::Reaction::Kind::kSafeState, &decode::Reaction::kind);
+    if (safe == again.reactions.end()) return;
+    const Nanos late = safe->at - *safe_at();
+    if (std::chrono::abs(late) <= decode::kReactionTolerance || std::chrono::abs(late) > kMost) return;
+    std::vector<Table> faults = found_.faults;
+    Table& fault = faults[static_cast<std::size_t>(found - found_.faults.begin())];
+    const double at_s = std::get<double>(fault.find("at_s")->value.data);
+    set(fault, "at_s", std::round((at_s - to_s(late)) * 1e6) / 1e6);
+    if (difference(faults).empty()) found_.faults = std::move(faults);
   }
 
   /// What must still show: the controller's safe state, or, without one, all that the log shows.

@@ -125,6 +125,7 @@ class Extractor {
     for (const BusTrouble& trouble : troubles_) on_trouble(trouble);
     for (const Finding& finding : findings_) take(finding);
     result_.reactions = list_reactions(findings_, end_, rig_);
+    result_.needs_ideal = has_second_node_ && !result_.needs_bit_timed;
     result_.checks = make_checks(result_.reactions, rig_, style_of(result_));
     result_.is_unexplained = result_.faults.empty() && std::ranges::any_of(result_.reactions, is_safe_state);
     tidy();
@@ -151,7 +152,7 @@ class Extractor {
       case FindingKind::kUnknown:
         return is_of_trouble(finding) ? void() : note(finding);
       case FindingKind::kSdoFailed:
-        return note(finding);
+        return is_starting(finding.node, finding.at) ? void() : note(finding);  // A master asks what it does not know.
       default:
         return;
     }
@@ -344,6 +345,7 @@ class Extractor {
   }
 
   void expect_second_node() {
+    has_second_node_ = true;
     expect({"controller.node-reset", "controller.node-doubled", "controller.node-not-operational",
             "controller.heartbeat-lost", "controller.heartbeats_lost", "controller.tpdos_missed"});
     expect_late_values();
@@ -477,6 +479,7 @@ class Extractor {
   std::vector<BusTrouble> troubles_;
   Table spare_;  ///< A fault beyond kMost.
   std::uint64_t left_out_ = 0;
+  bool has_second_node_ = false;
   Extraction result_;
 };
 
@@ -487,7 +490,7 @@ class CheckWriter {
 
   std::vector<Table> write(std::span<const Reaction> reactions) {
     for (const Reaction& reaction : reactions.first(std::min(reactions.size(), kMost))) check_reaction(reaction);
-    if (std::ranges::none_of(reactions, is_safe_state)) check_no_safe_state();
+    if (!style_.on_wire && std::ranges::none_of(reactions, is_safe_state)) check_no_safe_state();
     return std::move(checks_);
   }
 

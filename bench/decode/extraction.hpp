@@ -12,12 +12,15 @@ namespace meltbench::decode {
 
 /// Tables of a scenario, and what could not be put into it.
 struct Extraction {
-  std::vector<config::Table> faults;   ///< [[fault]], by the vocabulary of fixtures/scenarios/FAULTS.md.
-  std::vector<config::Table> checks;   ///< [[check]]
-  std::vector<std::string> expect;     ///< [health] expect
-  std::vector<std::string> notes;      ///< Findings that no fault of the vocabulary repeats.
-  std::vector<Reaction> reactions;     ///< What the checks ask for.
-  bool is_unexplained = false;         ///< A safe state, and no fault that could be its cause.
+  std::vector<config::Table> faults;  ///< [[fault]], by the vocabulary of fixtures/scenarios/FAULTS.md.
+  std::vector<config::Table> checks;  ///< [[check]]
+  std::vector<std::string> expect;    ///< [health] expect
+  std::vector<std::string> notes;     ///< Findings that no fault of the vocabulary repeats.
+  std::vector<Reaction> reactions;    ///< What the checks ask for.
+  bool is_unexplained = false;        ///< A safe state, and no fault that could be its cause.
+  /// Two devices share a node id, and no frame of them was destroyed: on a bit-timed bus in step with virtual time they
+  /// would destroy each other's.
+  bool needs_ideal = false;
   bool needs_bit_timed = false;        ///< Some fault is one of the wire: [bus] fidelity = "bit-timed".
   std::optional<Nanos> restart_after;  ///< [bus] restart_ms, if the log shows it.
 };

@@ -1,11 +1,14 @@
 // What a log of strangers says on the bus of a known machine: no order of frames and no content may crash who decodes
-// it, every frame can be told in words, and what happened is told in the order of time.
-// Input: records of a pause, an identifier in two bytes, a length with flags, and the data.
+// it, every frame can be told in words, what happened is told in the order of time, and what is made of it are faults
+// and checks that a scenario may have. Input: records of a pause, an identifier in two bytes, a length with flags, and
+// the data.
 
 #include <algorithm>
 #include <string>
 
+#include "bench/decode/extraction.hpp"
 #include "bench/decode/story.hpp"
+#include "bench/decode/traces.hpp"
 #include "protocols/config/toml.hpp"
 #include "tests/fuzz/fuzz.hpp"
 
@@ -48,6 +51,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::Bytes bytes{data, size};
   decode::Story story{rig()};
   decode::BusView view{rig()};
+  decode::Traces traces{rig()};
   Instant now{};
   while (!bytes.empty()) {
     now = now + take_pause(bytes);
@@ -55,6 +59,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     must(can::is_valid(frame), "the test makes frames that can exist");
     story.take(now, frame);
     view.take(frame);
+    traces.take(now, frame);
     must(!view.describe(frame).empty(), "a frame can be told in words");
   }
   story.finish();
@@ -63,5 +68,14 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     must(!finding.text.empty(), "a finding has words");
     must(finding.at <= now && (!finding.until || *finding.until <= now), "it happened before the end");
   }
+  const decode::Extraction found = decode::extract(story.findings(), story.end(), rig());
+  must(found.faults.size() <= 500 && found.checks.size() <= 501, "nobody reads more");
+  for (const config::Table& fault : found.faults) {
+    const double at_s = std::get<double>(fault.find("at_s")->value.data);
+    must(at_s >= 0.0 && at_s <= to_s(now) + 1.0, "a fault begins within the log");
+    const config::Entry* lasts = fault.find("for_s");
+    must(lasts == nullptr || std::get<double>(lasts->value.data) > 0.0, "a fault lasts");
+  }
+  must(decode::describe_difference(found.reactions, found.reactions, rig()).empty(), "a log repeats itself");
   return 0;
 }
