@@ -166,12 +166,27 @@ class Maker {
     return found == found_.reactions.end() ? std::nullopt : std::optional{found->at};
   }
 
+  /// An EMCY that the bus does not explain is sent as such; better if what caused it is found.
   void look_for_silent_faults() {
-    Diagnosis diagnosis = diagnose(*loop_, traces_, found_.faults, safe_at());
+    std::vector<Table> told = found_.faults;
+    std::erase_if(told, [](const Table& fault) {
+      return fault.find("kind")->value == Value{std::string{"emcy_storm"}, {}};
+    });
+    Diagnosis diagnosis;
+    if (told.size() < found_.faults.size()) diagnosis = diagnose(*loop_, traces_, told, safe_at());
+    if (diagnosis.fault) {
+      told.push_back(*diagnosis.fault);
+      if (!difference(told).empty()) diagnosis.fault.reset();
+    }
+    if (!diagnosis.fault) {
+      diagnosis = diagnose(*loop_, traces_, found_.faults, safe_at());
+      told = found_.faults;
+      if (diagnosis.fault) told.push_back(*diagnosis.fault);
+    }
     if (!diagnosis.text.empty() && !diagnosis.fault) found_.notes.push_back(std::move(diagnosis.text));
     if (!diagnosis.fault) return;
     fmt::print("{}\n", diagnosis.text);
-    found_.faults.push_back(std::move(*diagnosis.fault));
+    found_.faults = std::move(told);
     found_.checks.push_back(std::move(*diagnosis.check));
     found_.is_unexplained = false;
   }
@@ -259,8 +274,7 @@ class Maker {
     }
     found_.expect.insert(found_.expect.end(), again.complaints.begin(), again.complaints.end());
     std::ranges::sort(found_.expect);
-    const auto repeated = std::ranges::unique(found_.expect);
-    found_.expect.erase(repeated.begin(), repeated.end());
+    found_.expect.erase(std::unique(found_.expect.begin(), found_.expect.end()), found_.expect.end());
   }
 
   void write() {

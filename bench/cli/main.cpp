@@ -174,6 +174,8 @@ void add_extract_command(CLI::App& app, cli::ExtractRequest& request) {
   extract->add_flag("--minimise", request.minimise,
                     "Leave faults out as long as the controller still fails as recorded");
   extract->footer(
+      "Finds what the wire, the boards or a serial line say, and, by running the machine again, sensors that drift or are\n"
+      "stuck, welded relays, dead heaters and bridging feeders; says what it cannot repeat.\n"
       "Example: meltbench extract night.log --scenario fixtures/scenarios/coupled_start_up.toml -o night.toml\n"
       "         meltbench run night.toml");
 }

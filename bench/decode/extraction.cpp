@@ -163,8 +163,7 @@ class Extractor {
     std::ranges::stable_sort(result_.faults, {},
                              [](const Table& fault) { return std::get<double>(fault.find("at_s")->value.data); });
     std::ranges::sort(result_.expect);
-    const auto repeated = std::ranges::unique(result_.expect);
-    result_.expect.erase(repeated.begin(), repeated.end());
+    result_.expect.erase(std::unique(result_.expect.begin(), result_.expect.end()), result_.expect.end());
     if (left_out_ > 0) result_.notes.push_back(fmt::format("{} more of all this", left_out_));
   }
 
