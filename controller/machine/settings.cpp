@@ -384,6 +384,7 @@ ZoneSettings read_zones(const Section& section) {
   limits.max_degC = section.number_or("max_degC", highest + kHeadroom_K, config::between(highest, 600));
   limits.window = section.duration_or("window_s", to_s(limits.window), config::above(0));
   limits.min_rise_K = section.number_or("min_rise_K", limits.min_rise_K, config::above(0));
+  limits.max_still_output = section.number_or("max_still_output", limits.max_still_output, config::above_up_to(0, 1));
   limits.max_step_K = section.number_or("max_step_K", limits.max_step_K, config::above(0));
   limits.max_unasked_rise_K = section.number_or("max_unasked_K", limits.max_unasked_rise_K, config::above(0));
   return zones;

@@ -22,6 +22,7 @@ inline constexpr std::size_t kNozzleChannel = 5;
 /// - window_s          > 0 (60)                 a zone at full or no power is judged after so long
 /// - min_rise_K        > 0 (2)                  least rise in a window at full power
 /// - max_unasked_K     > 0 (2)                  largest rise in a window without power
+/// - max_still_output  > 0..1 (0.1)           output that may have moved, for a window, without another temperature
 /// - max_step_K        > 0 (20)                 largest step of a temperature from one report to the next
 /// - timeout_s         > 0 (2)                  no report of the heater for so long: safe state
 struct ZoneSettings {

@@ -12,6 +12,21 @@ ZoneWatch::Heater ZoneWatch::classify(const ZoneReport& report) const {
   return Heater::kBetween;
 }
 
+bool ZoneWatch::is_stuck(Instant at, const ZoneReport& report) {
+  const bool begins = still_from_ == Instant::never() || report.T_degC != still_degC_ || at - still_from_ > kStillFor;
+  if (begins) {
+    still_degC_ = report.T_degC;
+    still_from_ = at;
+    still_output_ = report.output;
+  }
+  if (std::abs(report.output - still_output_) <= limits_.max_still_output) {
+    moved_at_ = Instant::never();
+    return false;
+  }
+  if (moved_at_ == Instant::never()) moved_at_ = at;
+  return at - moved_at_ >= limits_.window;
+}
+
 ZoneTrip ZoneWatch::add(Instant at, const ZoneReport& report, std::optional<double> set_point_degC) {
   if (!report.sensor_good) return ZoneTrip::kSensorOpen;
   if (!(report.T_degC <= limits_.max_degC)) return ZoneTrip::kOverTemperature;  // NaN is no temperature either.
@@ -20,6 +35,12 @@ ZoneTrip ZoneWatch::add(Instant at, const ZoneReport& report, std::optional<doub
   if (report.T_degC < limits_.min_degC || std::abs(report.T_degC - before_degC) > limits_.max_step_K) {
     return ZoneTrip::kImplausible;
   }
+  const bool stuck = is_stuck(at, report);
+  const ZoneTrip trip = judge_window(at, report, set_point_degC);
+  return stuck && trip == ZoneTrip::kNone ? ZoneTrip::kStuck : trip;
+}
+
+ZoneTrip ZoneWatch::judge_window(Instant at, const ZoneReport& report, std::optional<double> set_point_degC) {
   const Heater heater = classify(report);
   if (heater != heater_) {
     heater_ = heater;
@@ -48,6 +69,8 @@ std::string_view code_of(ZoneTrip trip) {
       return "zone-implausible";
     case ZoneTrip::kNotRising:
       return "zone-not-rising";
+    case ZoneTrip::kStuck:
+      return "zone-stuck";
     case ZoneTrip::kRisingUnasked:
       return "zone-rising-unasked";
   }
@@ -73,6 +96,11 @@ std::string describe(ZoneTrip trip, const ZoneWatch& watch, std::string_view zon
           "{}: {:+.1f} K in {:.0f} s of full power, at least {:.1f} K expected; look at the heater band, "
           "its fuse, and the seat of the thermocouple",
           zone, watch.rise_K(), to_s(limits.window), limits.min_rise_K);
+    case ZoneTrip::kStuck:
+      return fmt::format(
+          "{}: {:.1f} C without a change for {:.0f} s, although its power is another by more than {:.0f} %; is its "
+          "thermocouple's converter frozen?",
+          zone, report.T_degC, to_s(limits.window), 100 * limits.max_still_output);
     case ZoneTrip::kRisingUnasked:
       return fmt::format("{}: {:+.1f} K in {:.0f} s without power, at most {:.1f} K expected; is its relay welded?",
                          zone, watch.rise_K(), to_s(limits.window), limits.max_unasked_rise_K);

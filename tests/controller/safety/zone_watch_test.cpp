@@ -85,3 +85,26 @@ TEST_CASE("Zone watch: every trip has a code and a text of its own", "[safety]")
   CHECK_THAT(describe(ZoneTrip::kOverTemperature, watch, "zone 1", {.T_degC = 310.0}), Contains("310.0 C"));
   CHECK_THAT(describe(ZoneTrip::kRisingUnasked, watch, "zone 1", {}), Contains("relay"));
 }
+
+TEST_CASE("Zone watch: a reading that stands still is healthy as long as the power does", "[safety]") {
+  ZoneWatch watch{{}};
+  for (int i = 0; i < 36'000; ++i) {  // An hour; the output goes up and down as in production, and drifts by 2e-5 / s.
+    const double output = 0.3 + 0.01 * (i % 20 < 10 ? 1 : -1) + 2e-5 * 0.1 * i;
+    REQUIRE(watch.add(Instant{i * 100ms}, {.T_degC = kSet_degC, .output = output}, kSet_degC) == ZoneTrip::kNone);
+  }
+}
+
+TEST_CASE("Zone watch: another power for a window and not one count of temperature is a frozen reading", "[safety]") {
+  ZoneWatch frozen{{}};
+  CHECK(run(frozen, kSet_degC, 0.0, 0.3, 30.0) == ZoneTrip::kNone);
+  CHECK(run(frozen, kSet_degC, 0.0, 0.41, 59.0, kSet_degC, Instant{31s}) == ZoneTrip::kNone);
+  CHECK(run(frozen, kSet_degC, 0.0, 0.41, 1.1, kSet_degC, Instant{90s}) == ZoneTrip::kStuck);
+  CHECK_THAT(describe(ZoneTrip::kStuck, frozen, "zone 2", {.T_degC = 145.0}), Contains("zone 2: 145.0 C"));
+  ZoneWatch off{{}};  // Frozen above its set point: the board takes its power away.
+  CHECK(run(off, 150.0, 0.0, 0.3, 30.0) == ZoneTrip::kNone);
+  CHECK(run(off, 150.0, 0.0, 0.0, 61.0, kSet_degC, Instant{31s}) == ZoneTrip::kStuck);
+  ZoneWatch alive{{}};  // One count is enough.
+  CHECK(run(alive, kSet_degC, 0.0, 0.3, 30.0) == ZoneTrip::kNone);
+  CHECK(run(alive, kSet_degC, 0.0, 0.41, 59.0, kSet_degC, Instant{31s}) == ZoneTrip::kNone);
+  CHECK(run(alive, kSet_degC + 0.1, 0.0, 0.41, 600.0, kSet_degC, Instant{91s}) == ZoneTrip::kNone);
+}
