@@ -54,9 +54,9 @@ std::optional<RunningBench> describe_bench(const std::string& bus) {
   }
 }
 
-std::vector<RunningBench> find_benches() {
+std::vector<RunningBench> find_benches(const std::vector<std::string>& buses) {
   std::vector<RunningBench> benches;
-  for (const std::string& bus : link::list_embedded_buses()) {
+  for (const std::string& bus : buses) {
     if (auto bench = describe_bench(bus)) benches.push_back(std::move(*bench));
   }
   return benches;
@@ -73,7 +73,9 @@ std::string describe(const std::vector<RunningBench>& benches) {
 /// @param name  of the bus, with or without "virtual:", or the run's folder; empty: the only bench that runs.
 std::string choose_bus(std::string name) {
   if (name.starts_with(kVirtual)) name.erase(0, kVirtual.size());
-  const std::vector<RunningBench> benches = find_benches();
+  const std::vector<std::string> buses = link::list_embedded_buses();
+  if (std::ranges::find(buses, name) != buses.end()) return name;  // Without asking the others, which may be slow.
+  const std::vector<RunningBench> benches = find_benches(buses);
   if (benches.empty()) throw std::invalid_argument{"no bench is running; \"meltbench run\" starts one"};
   if (name.empty()) {
     if (benches.size() == 1) return benches.front().bus;

@@ -21,16 +21,20 @@ std::filesystem::path write_scenario(const std::filesystem::path& folder, const 
   return path;
 }
 
-/// A bench that runs on an embedded bus of its own.
+/// A bench that runs on an embedded bus of its own, in a folder of buses of its own: nobody else is asked.
 class LiveBench {
  public:
   LiveBench(const std::filesystem::path& folder, const std::filesystem::path& scenario,
             const std::vector<std::string>& more)
       : folder_{folder}, bus_{"live" + std::to_string(::getpid())} {
+    ::setenv("XDG_RUNTIME_DIR", folder.c_str(), 1);
     std::vector<std::string> words{"run", scenario, "--out", folder / "out", "--can", "virtual:" + bus_};
     words.insert(words.end(), more.begin(), more.end());
     process_.emplace(words, folder / "output");
   }
+  ~LiveBench() { ::unsetenv("XDG_RUNTIME_DIR"); }
+  LiveBench(const LiveBench&) = delete;
+  LiveBench& operator=(const LiveBench&) = delete;
   /// Its exit status, once it has ended.
   int wait() { return process_->wait(); }
   void stop() const { ::kill(process_->pid(), SIGTERM); }
