@@ -31,13 +31,13 @@ void to_json(Out& json, const BusTiming& timing) {
   Out responses = Out::array();
   for (const ResponseTiming& r : timing.responses) {
     responses.push_back(Out{{"cob_id", r.id},
-                             {"extended", r.extended},
-                             {"node", r.node},
-                             {"frames", r.frames},
-                             {"mean_delay_s", r.mean_delay_s},
-                             {"worst_delay_s", r.worst_delay_s},
-                             {"worst_response_s", r.worst_response_s},
-                             {"bound_s", r.bound_s ? Out(*r.bound_s) : Out(nullptr)}});
+                            {"extended", r.extended},
+                            {"node", r.node},
+                            {"frames", r.frames},
+                            {"mean_delay_s", r.mean_delay_s},
+                            {"worst_delay_s", r.worst_delay_s},
+                            {"worst_response_s", r.worst_response_s},
+                            {"bound_s", r.bound_s ? Out(*r.bound_s) : Out(nullptr)}});
   }
   Out nodes = Out::array();
   for (const NodeTiming& n : timing.nodes) {

@@ -3,9 +3,7 @@
 #include <algorithm>
 
 namespace meltbench::canopen {
-namespace {
-
-}  // namespace
+namespace {}  // namespace
 
 AbortCode DictionaryObjects::read(Instant /*now*/, ObjectAddress address, std::vector<std::uint8_t>& value) {
   const AbortCode code = dictionary_.check_read(address);
