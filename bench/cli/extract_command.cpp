@@ -112,7 +112,7 @@ class Maker {
   ExitStatus make() {
     read();
     loop_.emplace(run_, end_);
-    if (loop_->is_possible()) loop_->take_bus(found_);
+    if (end_ > Instant{}) loop_->take_bus(found_);
     leave_out_unknown();
     if (loop_->is_possible()) {
       look_for_silent_faults();

@@ -8,7 +8,6 @@
 
 #include "bench/decode/extraction.hpp"
 #include "bench/decode/story.hpp"
-#include "bench/decode/traces.hpp"
 #include "protocols/config/toml.hpp"
 #include "tests/fuzz/fuzz.hpp"
 
@@ -50,17 +49,13 @@ can::CanFrame take_frame(fuzz::Bytes& bytes) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   fuzz::Bytes bytes{data, size};
   decode::Story story{rig()};
-  decode::BusView view{rig()};
-  decode::Traces traces{rig()};
   Instant now{};
   while (!bytes.empty()) {
     now = now + take_pause(bytes);
     const can::CanFrame frame = take_frame(bytes);
     must(can::is_valid(frame), "the test makes frames that can exist");
     story.take(now, frame);
-    view.take(frame);
-    traces.take(now, frame);
-    must(!view.describe(frame).empty(), "a frame can be told in words");
+    must(!story.view().describe(frame).empty(), "a frame can be told in words");
   }
   story.finish();
   must(std::ranges::is_sorted(story.findings(), {}, &decode::Finding::at), "findings are in the order of time");
