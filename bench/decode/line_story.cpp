@@ -119,19 +119,20 @@ std::size_t LineStory::take_frame(Line& line, Instant at, Bytes bytes) {
     }
   }
   Bytes request = cut_frame(modbus::Direction::kRequests, bytes);
-  // Of a function that we do not speak only silence tells the end.
-  if (request.empty() && has_good_checksum(bytes)) request = bytes;
+  // Of a function that we do not speak only silence tells the end, and nothing what its answer is.
+  const bool is_foreign = !modbus::find_length(modbus::Direction::kRequests, bytes);
+  if (is_foreign && has_good_checksum(bytes)) request = bytes;
   if (request.empty()) {
     take_garbled(line, at, bytes.size());
     return bytes.size();
   }
-  take_request(line, at, bytes[0], pdu_of(request));
+  take_request(line, at, bytes[0], pdu_of(request), is_foreign);
   return request.size();
 }
 
-void LineStory::take_request(Line& line, Instant at, std::uint8_t unit, Bytes pdu) {
+void LineStory::take_request(Line& line, Instant at, std::uint8_t unit, Bytes pdu, bool is_foreign) {
   if (line.asked) miss_answer(line, at);
-  if (unit != modbus::kBroadcast) line.asked = Request{at, unit, {pdu.begin(), pdu.end()}};
+  if (unit != modbus::kBroadcast && !is_foreign) line.asked = Request{at, unit, {pdu.begin(), pdu.end()}};
   if (line.last_request) line.pauses[line.requests++ % line.pauses.size()] = at - *line.last_request;
   line.last_request = at;
   std::string key{static_cast<char>(unit)};

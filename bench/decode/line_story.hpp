@@ -79,7 +79,7 @@ class LineStory {
 
   [[nodiscard]] Line& find_line(std::string_view name);
   [[nodiscard]] std::size_t take_frame(Line& line, Instant at, std::span<const std::uint8_t> bytes);
-  void take_request(Line& line, Instant at, std::uint8_t unit, std::span<const std::uint8_t> pdu);
+  void take_request(Line& line, Instant at, std::uint8_t unit, std::span<const std::uint8_t> pdu, bool is_foreign);
   void take_answer(Line& line, Instant at, std::span<const std::uint8_t> pdu);
   void take_garbled(Line& line, Instant at, std::size_t bytes);
   void miss_answer(Line& line, Instant at);

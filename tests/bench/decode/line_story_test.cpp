@@ -1,6 +1,7 @@
 #include "bench/decode/line_story.hpp"
 
 #include <catch2/catch.hpp>
+#include <random>
 
 #include "protocols/config/toml.hpp"
 #include "protocols/modbus/pdu.hpp"
@@ -121,4 +122,17 @@ TEST_CASE("Line story: a unit that the rig does not have, and one that is not th
   REQUIRE(told.size() == 2);
   CHECK(told[0] == "elsewhere: unit 9 is asked to read 1 holding register from 5");
   CHECK(told[1] == "dosing: feeder (unit 9) is asked to read 1 holding register from 5");
+}
+
+TEST_CASE("Line story: frames of any content and length are told, with a good checksum or without", "[decode]") {
+  std::minstd_rand random{7};
+  Dosing line;
+  Instant at{};
+  for (int i = 0; i < 20'000; ++i) {
+    Bytes bytes(1 + random() % 12);
+    for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random() % 4 == 0 ? random() : random() % 24);
+    at += 5ms;
+    line.story.take(at, "dosing", random() % 8 == 0 ? bytes : frame(static_cast<std::uint8_t>(random() % 3), bytes));
+  }
+  CHECK(line.tell(at).size() > 100);
 }
