@@ -202,6 +202,7 @@ std::uint64_t BitTimedBus::apply_flips(std::size_t sender) {
   const BusNode& node = nodes_[sender];
   for (BitFlip& flip : flips_) {
     if (((flip.id ^ node.sending_frame()->frame.id) & flip.mask) != 0 || node.position() != flip.bit) continue;
+    if (flip.probability < 1.0 && draw_unit(flip.seed) > flip.probability) continue;
     misheard ^= flip.listener == kNoNode ? ~std::uint64_t{0} : bit_of(flip.listener);
     --flip.frames;
   }
@@ -344,6 +345,11 @@ void BitTimedBus::set_noise(Instant now, double bit_error_rate, std::uint64_t se
 void BitTimedBus::flip(Instant now, const BitFlip& flip) {
   interrupt(now);
   flips_.push_back(flip);
+}
+
+void BitTimedBus::end_flips(Instant now, std::size_t number) {
+  interrupt(now);
+  std::erase_if(flips_, [&](const BitFlip& flip) { return flip.number == number; });
 }
 
 void BitTimedBus::force_bus_off(Instant now, std::size_t node) {

@@ -31,6 +31,9 @@ struct BitFlip {
   std::size_t bit = 0;             ///< Counted on the wire from start of frame = 0, stuff bits counted.
   std::uint64_t frames = 1;        ///< So many of them, retransmissions counted.
   std::size_t listener = kNoNode;  ///< Only this node sees it inverted; kNoNode: all.
+  double probability = 1.0;        ///< That a frame that matches is hit, drawn when it comes to the bit.
+  std::uint64_t seed = 0;          ///< Of these draws.
+  std::size_t number = 0;          ///< For end_flips().
 };
 
 /// The bus. Pure: time is told to it.
@@ -79,6 +82,8 @@ class BitTimedBus {
   /// Every bit of a frame on the wire is inverted with this probability, 0..1.
   void set_noise(Instant now, double bit_error_rate, std::uint64_t seed);
   void flip(Instant now, const BitFlip& flip);
+  /// Ends all flips of this number.
+  void end_flips(Instant now, std::size_t number);
   void force_bus_off(Instant now, std::size_t node);
   /// Ends bus-off by hand; the recovery of 128 x 11 recessive bits follows.
   void restart(Instant now, std::size_t node);

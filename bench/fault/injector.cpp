@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include "bench/bus/bit_timed_medium.hpp"
@@ -152,7 +153,7 @@ void Injector::begin(std::size_t number, Instant now, bus::RunControl& run) {
   if (planned.twin) plug_twin(planned, true, now, run);
   if (is_of_program(fault.target)) begin_program(fault, now, run);
   wires_.begin(number, fault, planned.seed, now, run);
-  if (fault.kind() == Kind::kCorrupt && flip_on_wire(planned, now, run)) planned.phase = Phase::kOver;
+  if (fault.kind() == Kind::kCorrupt) planned.on_wire = flip_on_wire(number, now, run);
   if (is_moment(fault.kind())) planned.phase = Phase::kOver;
 }
 
@@ -177,13 +178,21 @@ void Injector::end_program(const Fault& fault, Instant now, bus::RunControl& run
 }
 
 /// Where frames have bits, they are corrupted there: an error frame, and the sender repeats.
-bool Injector::flip_on_wire(const Planned& planned, Instant now, bus::RunControl& run) {
+bool Injector::flip_on_wire(std::size_t number, Instant now, bus::RunControl& run) const {
   bus::BitTimedMedium* medium = run.medium();
   if (medium == nullptr) return false;
   constexpr std::size_t kBit = 20;  // Behind the identifier: it disturbs no arbitration.
-  const FrameMatch& frames = planned.fault.frames;
-  medium->bus().flip(now,
-                     {.id = frames.id, .mask = frames.mask, .bit = kBit, .frames = planned.fault.count.value_or(1)});
+  const Planned& planned = faults_[number];
+  const Fault& fault = planned.fault;
+  const bool without_end = fault.duration || fault.probability < 1.0;
+  const std::uint64_t most = without_end ? std::numeric_limits<std::uint64_t>::max() : 1;
+  medium->bus().flip(now, {.id = fault.frames.id,
+                           .mask = fault.frames.mask,
+                           .bit = kBit,
+                           .frames = fault.count.value_or(most),
+                           .probability = fault.probability,
+                           .seed = planned.seed,
+                           .number = number + 1});
   return true;
 }
 
@@ -192,11 +201,14 @@ void Injector::end(std::size_t number, Instant now, bus::RunControl& run) {
   const Fault& fault = planned.fault;
   planned.phase = Phase::kOver;
   wires_.end(number, fault, now, run);
+  if (planned.on_wire && run.medium() != nullptr) run.medium()->bus().end_flips(now, number + 1);
   if (is_order(fault)) run.post_order(emulator_, write_order(number, false, fault));
   if (planned.twin) plug_twin(planned, false, now, run);
   if (is_of_program(fault.target)) end_program(fault, now, run);
   tell(now, "fault-off", planned,
-       fault.target == Target::kFrame ? fmt::format(": hit {} of {} frames", planned.hits, planned.matched) : "");
+       fault.target == Target::kFrame && !planned.on_wire
+           ? fmt::format(": hit {} of {} frames", planned.hits, planned.matched)
+           : "");
 }
 
 /// A fault that is cleared is over, or ends now.
@@ -284,7 +296,8 @@ bool Injector::on_frame(const can::StampedFrame& stamped, std::size_t sender, bu
         trigger.frame.matches(frame) && ++planned.seen >= trigger.nth) {
       begin(number, now, run);
     }
-    if (planned.phase != Phase::kOn || planned.fault.target != Target::kFrame || !hits(planned, frame)) continue;
+    if (planned.phase != Phase::kOn || planned.fault.target != Target::kFrame || planned.on_wire) continue;
+    if (!hits(planned, frame)) continue;
     goes_on = apply(planned, stamped, sender);
     if (planned.fault.count && planned.hits >= *planned.fault.count) end(number, now, run);
     if (!goes_on) break;

@@ -82,6 +82,7 @@ class Injector final : public bus::Intervention {
     std::uint64_t seen = 0;          ///< Frames that its trigger looked for,
     std::uint64_t matched = 0;       ///< that it could hit,
     std::uint64_t hits = 0;          ///< and has hit.
+    bool on_wire = false;            ///< Bits are flipped by the bus, not frames taken here.
     std::unique_ptr<Twin> twin{};    ///< Of a node id that is there twice.
   };
   /// A frame that comes later than it was sent.
@@ -102,7 +103,7 @@ class Injector final : public bus::Intervention {
   [[nodiscard]] bool hits(Planned& planned, const can::CanFrame& frame) const;
   [[nodiscard]] bool apply(Planned& planned, const can::StampedFrame& frame, std::size_t sender);
   void pass_held(Instant now);
-  [[nodiscard]] static bool flip_on_wire(const Planned& planned, Instant now, bus::RunControl& run);
+  [[nodiscard]] bool flip_on_wire(std::size_t number, Instant now, bus::RunControl& run) const;
   void release_held(Instant now, bus::RunControl& run);
   void tell_twins(const can::StampedFrame& frame, std::size_t sender, bus::RunControl& run);
   void run_twins(Instant now, bus::RunControl& run);
