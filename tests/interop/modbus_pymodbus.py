@@ -103,7 +103,7 @@ def be_refused(feeder):
         feeder.refused("unknown function", 1, client.execute(request))
     feeder.refused("address", 2, client.read_holding_registers(11, 1, slave=UNIT))
     feeder.refused("end of the report", 2, client.read_input_registers(25, 2, slave=UNIT))
-    feeder.refused("discrete inputs", 2, client.read_discrete_inputs(0, 8, slave=UNIT))
+    feeder.refused("discrete inputs", 2, client.read_discrete_inputs(0, 9, slave=UNIT))
     feeder.refused("coils", 2, client.read_coils(5, 1, slave=UNIT))
     feeder.refused("read only", 2, client.write_registers(REPORT, [0, 0], slave=UNIT))
     feeder.refused("half of a float", 2, client.write_register(1, 0, slave=UNIT))
