@@ -162,4 +162,14 @@ void BitTimedMedium::on_state(Instant at, std::size_t node, can::ErrorState stat
   listener_.on_node_state(owner, describe(at, names_[node], state));
 }
 
+void set_clocks(BitTimedMedium* medium, const config::Rig& rig) {
+  if (medium == nullptr) return;
+  const auto set = [&](std::string_view name, double ppm) {
+    const std::size_t node = medium->find_node(name);
+    if (node != kNoNode && ppm != 0) medium->bus().set_clock_drift(Instant{}, node, ppm);
+  };
+  set("controller", rig.controller_clock_drift_ppm);
+  for (const config::RigBoard& board : rig.boards) set(board.name, board.clock_drift_ppm);
+}
+
 }  // namespace meltbench::bus

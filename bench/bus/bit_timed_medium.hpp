@@ -116,4 +116,7 @@ class BitTimedMedium final : private BusListener {
   BitTimedBus bus_;
 };
 
+/// Lets the clocks of the nodes be off as the rig says; null: there is no such bus.
+void set_clocks(BitTimedMedium* medium, const config::Rig& rig);
+
 }  // namespace meltbench::bus

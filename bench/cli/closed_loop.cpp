@@ -139,6 +139,7 @@ ClosedLoopResult ClosedLoop::run(const std::vector<Table>& faults) {
   bus::RunMedia media{.lines = rig.lines, .intervention = &injection.injector()};
   if (rig.bus.fidelity == config::BusFidelity::kBitTimed) media.bit_timed = bus::to_settings(rig.bus);
   bus::VirtualTime time{injection.ports(), prepared.run.record_period, listener, media};
+  bus::set_clocks(time.medium(), rig);
   static_cast<void>(time.run(prepared.run.duration));
   return listener.finish(rig);
 }

@@ -102,6 +102,7 @@ bus::RunOutcome run_in_virtual_time(PreparedRun& prepared, const RunRequest& req
   if (live) media.intervention = &*live;
   media.bit_timed = bit_timing_of(prepared.run.rig.bus);
   bus::VirtualTime time{faults.ports(), prepared.run.record_period, observer, media};
+  bus::set_clocks(time.medium(), prepared.run.rig);
   const bus::RunOutcome outcome = time.run(prepared.run.duration);
   note_bus_timing(prepared, time.medium(), outcome.at, *recorder);
   return outcome;
@@ -201,6 +202,7 @@ record::Recording run_at_wall_clock(PreparedRun& prepared, const RunRequest& req
                              .adapter = adapter.get(),
                              .intervention = &live,
                              .bit_timed = bit_timing_of(prepared.run.rig.bus)}};
+  bus::set_clocks(relay.medium(), prepared.run.rig);
   const auto started = Clock::now();
   const bus::RunOutcome outcome = relay.run(prepared.run.duration, prepared.pace.speed, observer);
   const double elapsed_s = std::chrono::duration<double>(Clock::now() - started).count();

@@ -110,7 +110,7 @@ struct LineAddresses {
 };
 
 void put_on_line(RigBoard& board, std::vector<LineAddresses>& lines) {
-  for (const char* key : {"node_id", "eds", "heartbeat_ms"}) {
+  for (const char* key : {"node_id", "eds", "heartbeat_ms", "clock_drift_ppm"}) {
     if (board.section.has(key)) {
       board.section.fail(key, "goes with CAN, but this board is on a line",
                          "a board has either node_id and eds, or line and unit");
@@ -125,11 +125,20 @@ void put_on_line(RigBoard& board, std::vector<LineAddresses>& lines) {
   found->units.take(board.section, "board." + board.name, board.unit);
 }
 
-void put_on_bus(RigBoard& board, Addresses& ids) {
+/// Within +-5000 ppm: beyond it receivers would lose step within a frame, which the bit-timed bus does not do.
+double read_clock_drift(const Section& node, BusFidelity fidelity) {
+  if (node.has("clock_drift_ppm") && fidelity == BusFidelity::kIdeal) {
+    node.fail("clock_drift_ppm", "means nothing on an ideal bus", "set bus.fidelity = \"bit-timed\"");
+  }
+  return node.number_or("clock_drift_ppm", 0, between(-5000, 5000));
+}
+
+void put_on_bus(RigBoard& board, Addresses& ids, BusFidelity fidelity) {
   const auto node_id = static_cast<std::uint8_t>(board.section.integer("node_id", kNodeId));
   board.node_id = ids.take(board.section, "board." + board.name, node_id);
   board.eds = read_eds_path(board.section);
   board.heartbeat = board.section.duration_or("heartbeat_ms", 100, between(1, 65'535));
+  board.clock_drift_ppm = read_clock_drift(board.section, fidelity);
 }
 
 RigBoard read_board(const Section& board, const std::string& name) {
@@ -199,6 +208,7 @@ Rig read_rig(const Section& root) {
   const Section controller = root.peek("controller");
   const auto controller_id = static_cast<std::uint8_t>(controller.integer_or("node_id", 127, kNodeId));
   rig.controller_node_id = ids.take(controller, "controller", controller_id);
+  rig.controller_clock_drift_ppm = read_clock_drift(controller, rig.bus.fidelity);
   rig.controller_is_external = controller.boolean_or("external", false);
   std::vector<LineAddresses> units;
   const Section lines = root.section_or_empty("line");
@@ -212,7 +222,7 @@ Rig read_rig(const Section& root) {
     if (board.section.has("line"))
       put_on_line(board, units);
     else
-      put_on_bus(board, ids);
+      put_on_bus(board, ids, rig.bus.fidelity);
     rig.boards.push_back(std::move(board));
   }
   if (rig.boards.empty()) root.fail_here("no [board.NAME]: a rig has at least one board", "e.g. [board.feeder]");

@@ -3,9 +3,10 @@
 ///
 /// One TOML text describes a whole run. Who reads what:
 ///   [rig] [bus] [line.NAME]       all (here)
-///   [board.NAME]                  kind, part, node_id, eds, heartbeat_ms, line, unit here; the rest by the emulator
+///   [board.NAME]                  kind, part, node_id, eds, heartbeat_ms, clock_drift_ppm, line, unit here;
+///                                 the rest by the emulator
 ///   [plant]                       the emulator
-///   [controller]                  node_id, external here; the rest by the controller
+///   [controller]                  node_id, external, clock_drift_ppm here; the rest by the controller
 ///   [scenario] [[check]] [health] the bench
 ///   [[event]]                     at_s, target, action here; the rest by the target
 /// A program opens the sections that are its own, and then calls finish() on the root: its own sections are checked key
@@ -63,11 +64,12 @@ struct RigBoard {
   BoardKind kind = BoardKind::kFeeder;
   std::uint8_t node_id = 0;     ///< CAN: 1..127, once on the bus. Else 0.
   std::filesystem::path eds{};  ///< CAN: exists. Relative to the file that says it. Else empty.
-  Nanos heartbeat{};      ///< CAN: heartbeat_ms, the heartbeat that the manager asks of it, 1..65535, default 100.
-  bool is_real = false;   ///< part = "real": a device of its own; "emulated" (the default): ours.
-  std::string line{};     ///< Serial: name of one of the rig's lines. Else empty.
-  std::uint8_t unit = 0;  ///< Serial: Modbus address 1..247, once on the line. Else 0.
-  Section section;        ///< For the emulator's own keys; its finish() counts the keys read here as known.
+  Nanos heartbeat{};           ///< CAN: heartbeat_ms, the heartbeat that the manager asks of it, 1..65535, default 100.
+  double clock_drift_ppm = 0;  ///< CAN: how much too fast its CAN controller's clock is, -5000..5000; bit-timed bus.
+  bool is_real = false;        ///< part = "real": a device of its own; "emulated" (the default): ours.
+  std::string line{};          ///< Serial: name of one of the rig's lines. Else empty.
+  std::uint8_t unit = 0;       ///< Serial: Modbus address 1..247, once on the line. Else 0.
+  Section section;             ///< For the emulator's own keys; its finish() counts the keys read here as known.
 
   [[nodiscard]] bool is_on_line() const { return !line.empty(); }
 };
@@ -77,6 +79,7 @@ struct Rig {
   std::string title;  ///< One line for people; the name if not given.
   RigBus bus;
   std::uint8_t controller_node_id = 127;  ///< controller.node_id: 1..127, default 127.
+  double controller_clock_drift_ppm = 0;  ///< controller.clock_drift_ppm: as that of a board.
   bool controller_is_external = false;    ///< controller.external: the bench does not start it; default false.
   std::vector<RigBoard> boards;           ///< In the order of the file; at least one.
   std::vector<RigLine> lines;             ///< In the order of the file.

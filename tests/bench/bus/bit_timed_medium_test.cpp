@@ -83,6 +83,13 @@ RunOutcome run(std::span<ParticipantPort* const> ports, RunObserver& observer, c
   return VirtualTime{ports, 10ms, observer, media}.run(duration);
 }
 
+class Silent final : public MediumListener {
+ public:
+  void on_crossed(const can::StampedFrame&, std::size_t, std::uint64_t) override {}
+  void on_error_frame(const can::StampedFrame&, std::size_t) override {}
+  void on_node_state(std::size_t, const Event&) override {}
+};
+
 }  // namespace
 
 TEST_CASE("Bit-timed medium: boards of one participant hear each other over the wire, after the frame's time",
@@ -177,12 +184,6 @@ TEST_CASE("Bit-timed medium: a lone program gets no acknowledgement, and the rec
 }
 
 TEST_CASE("Bit-timed medium: response times per identifier run from queued to the end of the frame", "[bus]") {
-  class Silent final : public MediumListener {
-   public:
-    void on_crossed(const can::StampedFrame&, std::size_t, std::uint64_t) override {}
-    void on_error_frame(const can::StampedFrame&, std::size_t) override {}
-    void on_node_state(std::size_t, const Event&) override {}
-  };
   Silent silent;
   const std::array<BitTimedMedium::Member, 2> members{{{"a", {}}, {"b", {}}}};
   BitTimedMedium medium{{}, members, silent};
@@ -195,6 +196,25 @@ TEST_CASE("Bit-timed medium: response times per identifier run from queued to th
   CHECK(medium.responses()[1].worst_delay == 112 * 2us);
   CHECK(medium.responses()[1].worst_response == (112 + 55) * 2us);
   CHECK(medium.node_names() == std::vector<std::string>{"a", "b", "stranger", "twin"});
+}
+
+TEST_CASE("Bit-timed medium: a node whose clock is slow takes so much longer to say the same", "[bus]") {
+  config::Rig rig;
+  rig.controller_clock_drift_ppm = -1000;
+  config::RigBoard board;
+  board.name = "board";
+  rig.boards.push_back(board);
+  Silent silent;
+  const std::array<BitTimedMedium::Member, 2> members{{{"controller", {}}, {"board", {}}}};
+  BitTimedMedium medium{{}, members, silent};
+  set_clocks(&medium, rig);
+  medium.send(Instant{}, 0, 0, *can::parse_candump("123#1122334455667788"));  // 109 bits of 2 us.
+  medium.advance(Instant{5ms});
+  medium.send(Instant{5ms}, 1, 0, *can::parse_candump("124#1122334455667788"));  // 110: another CRC.
+  medium.advance(Instant{10ms});
+  REQUIRE(medium.responses().size() == 2);
+  CHECK(medium.responses()[0].worst_response == 218us + 218ns);
+  CHECK(medium.responses()[1].worst_response == 220us);
 }
 
 TEST_CASE("Bit-timed medium: a device that a fault plugs in speaks, hears, and collides with its like", "[bus]") {

@@ -223,6 +223,12 @@ TEST_CASE("Rig: [bus] says how true the embedded bus is, and its keys are refuse
   CHECK(bus.tx_queue == 3);
   CHECK(bus.tx_order == RigTxOrder::kFifo);
   CHECK(bus.restart_after == std::optional{Nanos{100ms}});
+  const std::string drift = "clock_drift_ppm = -50\n";
+  const std::string drifting = kRig + drift + "[controller]\nclock_drift_ppm = 200\n";
+  const Rig rig = read_rig(folder.root(drifting + "[bus]\nfidelity = \"bit-timed\"\n"));
+  CHECK(rig.boards[1].clock_drift_ppm == -50);
+  CHECK(rig.controller_clock_drift_ppm == 200);
+  CHECK_THAT(folder.complaint(kRig + drift), Contains("board.") && Contains("clock_drift_ppm") && Contains("ideal"));
   CHECK(bus.data_bit_rate_bit_per_s == 250'000);
   CHECK_THAT(folder.complaint(kRig + "[bus]\ntx_queue = 3\n"), Contains("bus.tx_queue") && Contains("ideal"));
   CHECK_THAT(folder.complaint(kRig + "[bus]\nfidelity = \"exact\"\n"), Contains("bit-timed"));
