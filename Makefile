@@ -27,7 +27,7 @@ build: deps
 
 # Faults by chance; a seed that fails prints the command that repeats it.
 torture: build
-	@$(BIN)/meltbench torture fixtures/torture/bizone.toml fixtures/torture/coupled.toml --seeds 1..10000 --out build/torture
+	@$(BIN)/meltbench torture fixtures/torture/*.toml --seeds 1..10000 --out build/torture
 
 bench: build
 	@cmake --build --preset release --target meltbench_benchmarks

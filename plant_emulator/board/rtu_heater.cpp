@@ -64,6 +64,10 @@ class RtuHeater::Unit final : public modbus::RegisterMap {
   RelayTuner::State told = RelayTuner::State::kIdle;
 
   [[nodiscard]] bool is_released() const { return run && !master_lost; }
+  /// One that heats from the start wants to be asked from the start, too.
+  void watch(Instant now) {
+    if (run) restart_watchdog(now);
+  }
   void lose_master(Instant now) {
     watchdog_at = Instant::never();
     master_lost = true;
@@ -121,8 +125,9 @@ class RtuHeater::Unit final : public modbus::RegisterMap {
       board_.switch_supply();
       board_.report(Severity::kInfo, now, "master-back", fmt::format("channel {} is polled again", channel_ + 1));
     }
-    watchdog_at = watchdog_ms_ != 0 ? now + watchdog_ms_ * 1ms : Instant::never();
+    restart_watchdog(now);
   }
+  void restart_watchdog(Instant now) { watchdog_at = watchdog_ms_ != 0 ? now + watchdog_ms_ * 1ms : Instant::never(); }
   [[nodiscard]] Words encode() const {
     return {to_tenths(set.set_degC),
             to_tenths(zone.X_degC()),
@@ -221,6 +226,7 @@ void RtuHeater::start(Instant now) {
   for (const auto& unit : units_) {
     // Once only: one that comes back in mid-run waits to be told.
     unit->forget(settings_.warm_start && unit->zone.is_fitted() && now == Instant{});
+    unit->watch(now);
     unit->zone.power_up(now, unit->run, process());
   }
   switch_supply();

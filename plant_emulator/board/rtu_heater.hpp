@@ -28,8 +28,8 @@ inline constexpr std::uint16_t kRun = 0, kAcknowledge = 1, kAutotune = 2, kCount
 }
 
 /// The same zones as on CAN. The barrel zones are the units from the rig's on, in the order from the feed throat; the
-/// nozzle is the rig's unit + 4. Watchdog, for each unit by itself: no request for so long and it stops heating, until
-/// the next one.
+/// nozzle is the rig's unit + 4. Watchdog, for each unit by itself: no request for so long, from its start on if it
+/// heats then, and it stops heating until the next one.
 /// A contactor before all bands takes their power, whatever a relay does, as soon as no unit may heat, or while one is
 /// too hot or rises unasked.
 /// Refused as illegal address: what is read only; as illegal value: out of range; as device failure: to try out a zone

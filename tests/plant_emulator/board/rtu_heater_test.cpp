@@ -79,6 +79,18 @@ TEST_CASE("RTU heater: without requests a zone stops heating, the others go on",
   CHECK(bench.share(0) == 1.0);
 }
 
+TEST_CASE("RTU heater: one that heats from its start and is never asked stops, too", "[board][modbus]") {
+  board::HeaterSettings settings = make_settings();
+  settings.watchdog_ms = 500;
+  settings.warm_start = true;
+  HeaterBench bench{settings};
+  CHECK(bench.process.heater_supply);
+  bench.run_to(Instant{499ms});
+  CHECK(bench.process.heater_supply);
+  bench.run_to(Instant{500ms});
+  CHECK_FALSE(bench.process.heater_supply);
+}
+
 TEST_CASE("RTU heater: an open thermocouple is an alarm until it is acknowledged", "[board][modbus]") {
   WarmBarrel bench;
   bench.heat(kZone1);
