@@ -124,20 +124,20 @@ void add_replay_command(CLI::App& app, cli::ReplayRequest& request) {
       app.add_subcommand("replay", "Play a recorded log: onto a bus, to the controller, or to the boards");
   replay->add_option("log", request.log, "A log (candump, ASC, BLF, gzip), or a run's folder")->required();
   replay->add_option("--channel", request.channel, "Channel of the log  (default: that of the first frame)");
-  CLI::Option* can = replay->add_option(
-      "--can", request.can, "Send all frames at their recorded times on can0, vcan0 ..., or slcan:PORT@BIT_RATE");
-  replay->add_option("--speed", request.speed, "With --can: so many times as fast")->default_str("1")->needs(can);
-  replay->add_option("--loop", request.loops, "With --can: so many times; 0 = until Ctrl-C")
-      ->default_str("1")
-      ->needs(can);
-  replay->add_option("--only", request.only, "With --can: ID or ID/MASK in hexadecimal; may be given several times")
-      ->needs(can);
-  replay->add_option("--rename", request.renames, "With --can: OLD=NEW identifier in hexadecimal")->needs(can);
-  CLI::Option* to =
-      replay
-          ->add_option("--to", request.to,
-                       "controller | boards: play the other side to ours in virtual time, and compare its answers")
-          ->excludes(can);
+  CLI::Option* can = replay->add_option("--can", request.can,
+                                        "Send all frames at their recorded times on can0, vcan0 ..., or "
+                                        "slcan:PORT@BIT_RATE; with --to: only one side's, to who answers there");
+  CLI::Option* to = replay->add_option(
+      "--to", request.to,
+      "controller | boards: play the other side to ours in virtual time, with --can to somebody else's at wall-clock "
+      "pace, and compare the answers");
+  const auto add_raw = [&](const char* name, auto& value, const char* text) {
+    return replay->add_option(name, value, std::string{"With --can alone: "} + text)->needs(can)->excludes(to);
+  };
+  add_raw("--speed", request.speed, "so many times as fast")->default_str("1");
+  add_raw("--loop", request.loops, "so many times; 0 = until Ctrl-C")->default_str("1");
+  add_raw("--only", request.only, "ID or ID/MASK in hexadecimal; may be given several times");
+  add_raw("--rename", request.renames, "OLD=NEW identifier in hexadecimal");
   replay
       ->add_option("--scenario", request.scenario, "With --to: rig and settings  (default: repro.toml beside the log)")
       ->needs(to);
@@ -149,7 +149,8 @@ void add_replay_command(CLI::App& app, cli::ReplayRequest& request) {
                    "With --to: BOARD.INDEX:SUB=VALUE, by how much an object in a PDO may differ; several")
       ->needs(to);
   replay->add_option("--update-reference", request.update_reference, "With --to: write what was said now to this log")
-      ->needs(to);
+      ->needs(to)
+      ->excludes(can);
   replay->footer(
       "Exit status: 0 sent, or no answer differs, 1 an answer differs, 2 bad usage or file\n"
       "Example: meltbench replay meltbench-out --to controller");
@@ -174,7 +175,8 @@ void add_extract_command(CLI::App& app, cli::ExtractRequest& request) {
   extract->add_flag("--minimise", request.minimise,
                     "Leave faults out as long as the controller still fails as recorded");
   extract->footer(
-      "Finds what the wire, the boards or a serial line say, and, by running the machine again, sensors that drift or are\n"
+      "Finds what the wire, the boards or a serial line say, and, by running the machine again, sensors that drift or "
+      "are\n"
       "stuck, welded relays, dead heaters and bridging feeders; says what it cannot repeat.\n"
       "Example: meltbench extract night.log --scenario fixtures/scenarios/coupled_start_up.toml -o night.toml\n"
       "         meltbench run night.toml");

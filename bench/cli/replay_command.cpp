@@ -1,12 +1,14 @@
 #include "bench/cli/replay_command.hpp"
 
 #include <fmt/format.h>
+#include <poll.h>
 
 #include <algorithm>
 #include <array>
 #include <charconv>
 #include <memory>
 #include <stdexcept>
+#include <utility>
 
 #include "bench/bus/virtual_time.hpp"
 #include "bench/cli/log_commands.hpp"
@@ -19,6 +21,7 @@
 #include "plant_emulator/emulator.hpp"
 #include "protocols/link/can_link.hpp"
 #include "protocols/runtime/participant_port.hpp"
+#include "protocols/runtime/real_time_driver.hpp"
 #include "protocols/runtime/stop_signal.hpp"
 
 namespace meltbench::cli {
@@ -63,12 +66,18 @@ replay::RawReplayRequest to_raw_request(const ReplayRequest& request) {
   return raw;
 }
 
-ExitStatus replay_onto_bus(const ReplayRequest& request) {
-  const link::BusUri uri = link::parse_bus_uri(request.can);
+/// @throws std::invalid_argument for the embedded bus of a run.
+link::BusUri parse_outer_bus(const std::string& can) {
+  link::BusUri uri = link::parse_bus_uri(can);
   if (uri.kind != link::BusUri::Kind::kSocketCan && uri.kind != link::BusUri::Kind::kSlcan) {
     throw std::invalid_argument{
         "--can needs a kernel interface such as can0, or slcan:PORT; to a controller or boards of ours: --to"};
   }
+  return uri;
+}
+
+ExitStatus replay_onto_bus(const ReplayRequest& request) {
+  const link::BusUri uri = parse_outer_bus(request.can);
   const replay::RawReplayRequest raw = to_raw_request(request);
   const std::filesystem::path path = find_log(request.log);
   const auto bus = link::open_can_link(uri);
@@ -164,6 +173,68 @@ void print_differences(const replay::Comparison& comparison, const std::filesyst
   }
 }
 
+/// Ours, in virtual time. @returns how far it came.
+Instant play_to_ours(const scenario::ResolvedRun& run, bool to_controller, Instant end, Participant& partner,
+                     bus::RunObserver& witness) {
+  std::unique_ptr<Participant> live;
+  if (to_controller) {
+    live = std::make_unique<machine::Controller>(machine::read_settings(run.root));
+  } else {
+    live = std::make_unique<emulator::Emulator>(emulator::read_settings(run.root, run.rig), run.seed);
+  }
+  runtime::InProcessPort live_port{*live};
+  runtime::InProcessPort log_port{partner};
+  // The controller goes first at an instant, as in a run.
+  const auto ports = to_controller ? std::array<runtime::ParticipantPort*, 2>{&live_port, &log_port}
+                                   : std::array<runtime::ParticipantPort*, 2>{&log_port, &live_port};
+  const bus::RunMedia media{.lines = run.rig.lines};
+  return bus::VirtualTime{ports, run.record_period, witness, media}.run(end.since_start).at;
+}
+
+/// A bus whose first frame has been read already, and is given again.
+class FromFirstFrame final : public link::CanLink {
+ public:
+  /// Waits for a frame, or for a stop.
+  explicit FromFirstFrame(link::CanLink& bus) : bus_{bus} {
+    while (!first_ && !runtime::stop_requested()) {
+      pollfd watched{bus_.is_up() ? bus_.fd() : -1, POLLIN, 0};
+      static_cast<void>(::poll(&watched, 1, 100));
+      first_ = bus_.receive();
+    }
+  }
+  /// On CLOCK_MONOTONIC, when it came; now if there is none.
+  [[nodiscard]] Nanos begin() const { return first_ ? first_->at_monotonic : runtime::read_monotonic(); }
+
+  link::SendStatus send(const can::CanFrame& frame) noexcept override { return bus_.send(frame); }
+  std::optional<link::ReceivedFrame> receive() noexcept override {
+    return first_ ? std::exchange(first_, std::nullopt) : bus_.receive();
+  }
+  bool is_up() noexcept override { return bus_.is_up(); }
+  int fd() const noexcept override { return bus_.fd(); }
+  const link::LinkCounters& counters() const noexcept override { return bus_.counters(); }
+
+ private:
+  link::CanLink& bus_;
+  std::optional<link::ReceivedFrame> first_;
+};
+
+/// @returns how far it came.
+Instant play_on(link::CanLink& bus, Nanos begin, Instant end, Participant& partner) {
+  const link::Welcome timing{link::Pace::kWallClock, 1.0, begin, 100ms};
+  static_cast<void>(runtime::RealTimeDriver{partner, bus, nullptr, timing}.run(end));
+  return std::min(end, Instant{runtime::read_monotonic() - begin});
+}
+
+/// Somebody else's on a bus, at wall-clock pace. A recording begins with the controller's first frame: that of an
+/// external controller is waited for. @returns how far it came.
+Instant play_to_external(const std::string& can, bool to_controller, Instant end, Participant& partner) {
+  const auto bus = link::open_can_link(parse_outer_bus(can));
+  if (!to_controller) return play_on(*bus, runtime::read_monotonic(), end, partner);
+  fmt::print(stderr, "waiting for the controller's first frame on {}; start it now\n", can);
+  FromFirstFrame from_first{*bus};
+  return play_on(from_first, from_first.begin(), end, partner);
+}
+
 ExitStatus replay_to_live_side(const ReplayRequest& request) {
   const bool to_controller = request.to == "controller";
   if (!to_controller && request.to != "boards") throw std::invalid_argument{"--to controller, or --to boards"};
@@ -174,30 +245,18 @@ ExitStatus replay_to_live_side(const ReplayRequest& request) {
   const replay::Script script = replay::read_script(*reader, of_log, request.channel);
   print_log_warnings(*reader, path);
 
-  std::unique_ptr<Participant> live;
-  if (to_controller) {
-    live = std::make_unique<machine::Controller>(machine::read_settings(run.root));
-  } else {
-    live = std::make_unique<emulator::Emulator>(emulator::read_settings(run.root, run.rig), run.seed);
-  }
   decode::BusView view{run.rig};
   replay::Comparison comparison{view, read_tolerance(request, run.rig)};
   replay::LogPartner partner{script, to_controller ? replay::LiveSide::kController : replay::LiveSide::kBoards,
                              comparison};
-  runtime::InProcessPort live_port{*live};
-  runtime::InProcessPort log_port{partner};
-  // The controller goes first at an instant, as in a run.
-  const auto ports = to_controller ? std::array<runtime::ParticipantPort*, 2>{&live_port, &log_port}
-                                   : std::array<runtime::ParticipantPort*, 2>{&log_port, &live_port};
   Witness witness{request.update_reference};
   runtime::catch_stop_signals();
-  const bus::RunMedia media{.lines = run.rig.lines};
-  const bus::RunOutcome outcome =
-      bus::VirtualTime{ports, run.record_period, witness, media}.run(script.end.since_start);
+  const Instant reached = request.can.empty() ? play_to_ours(run, to_controller, script.end, partner, witness)
+                                              : play_to_external(request.can, to_controller, script.end, partner);
   comparison.finish(script.end);
   witness.finish();
   fmt::print("{} of {} s replayed to the {}: {} answers compared, {} differ; largest shift {:.3f} ms\n", path.string(),
-             to_s(outcome.at), request.to, comparison.compared(), comparison.count(),
+             to_s(reached), request.to, comparison.compared(), comparison.count(),
              to_s(comparison.worst_shift()) * 1e3);
   print_differences(comparison, path);
   for (const std::string& fault : witness.faults()) fmt::print("  fault in the replay: {}\n", fault);
@@ -213,7 +272,7 @@ ExitStatus replay_log(const ReplayRequest& request) {
   }
   if (!(request.speed > 0.0)) throw std::invalid_argument{"--speed must be above 0"};
   if (!(request.time_tolerance_ms > 0.0)) throw std::invalid_argument{"--time-tolerance must be above 0 ms"};
-  return request.can.empty() ? replay_to_live_side(request) : replay_onto_bus(request);
+  return request.to.empty() ? replay_onto_bus(request) : replay_to_live_side(request);
 }
 
 }  // namespace meltbench::cli

@@ -14,8 +14,8 @@ namespace meltbench::cli {
 struct ReplayRequest {
   std::filesystem::path log;  ///< A log, or a run's folder.
   std::string channel;
+  std::string can;  ///< Where the frames go; with `to`: where who answers is.
   // Raw:
-  std::string can;
   double speed = 1.0;
   std::uint64_t loops = 1;
   std::vector<std::string> only;     ///< "185" or "180/780", hexadecimal.
@@ -28,8 +28,8 @@ struct ReplayRequest {
   std::filesystem::path update_reference;
 };
 
-/// Sends the log's frames over a bus at their times, or plays one side of it to the controller or to the emulated
-/// boards in virtual time and compares the answers.
+/// Sends the log's frames over a bus at their times, or plays one side of it to a controller or to boards
+/// and compares the answers: to ours in virtual time, or to those of somebody else on `can` at wall-clock pace.
 /// @returns kFailed if an answer differs.
 /// @throws log::LogError, config::ConfigError, link::LinkError, std::invalid_argument for what cannot go together.
 [[nodiscard]] ExitStatus replay_log(const ReplayRequest& request);

@@ -61,10 +61,11 @@ RealTimeDriver::RealTimeDriver(Participant& participant, link::CanLink& can, Ben
 }
 
 bool RealTimeDriver::finished() const {
-  return stop_requested() || (bench_ != nullptr && (bench_->stopped() || bench_->lost()));
+  return now_ >= until_ || stop_requested() || (bench_ != nullptr && (bench_->stopped() || bench_->lost()));
 }
 
-DriverEnd RealTimeDriver::run() {
+DriverEnd RealTimeDriver::run(Instant until) {
+  until_ = until;
   ::prctl(PR_SET_TIMERSLACK, 1);  // Else the kernel may be 50 us late on purpose, to wake several threads at once.
   while (!finished()) {
     wait_for_work();
@@ -101,7 +102,7 @@ void RealTimeDriver::note_lateness(Instant deadline) {
 void RealTimeDriver::wait_for_work() {
   const Nanos now = read_monotonic();
   Nanos until = now + 1s;
-  const Instant due = std::min(out_.deadline(), next_record_);
+  const Instant due = std::min({out_.deadline(), next_record_, until_});
   until = std::min(until, clock_.to_monotonic(due));
   if (!waiting_.empty()) until = std::min(until, now + kRetryPeriod);
   if (!link_up_) until = std::min(until, next_link_check_);

@@ -67,7 +67,8 @@ class RealTimeDriver {
   RealTimeDriver(Participant& participant, link::CanLink& can, BenchClient* bench, const link::Welcome& timing,
                  SerialPorts serial = {});
 
-  [[nodiscard]] DriverEnd run();
+  /// @param until  ends then by itself; never: when it is told to.
+  [[nodiscard]] DriverEnd run(Instant until = Instant::never());
 
   /// Of all wake-ups at a deadline but the first, in bench time.
   [[nodiscard]] const LogHistogram& lateness() const { return lateness_; }
@@ -96,6 +97,7 @@ class RealTimeDriver {
   Instant next_record_{};
   Instant next_timing_{1s};  ///< When the lateness is reported next.
 
+  Instant until_ = Instant::never();
   Instant now_{};
   Outbox out_;
   bool link_up_ = true;

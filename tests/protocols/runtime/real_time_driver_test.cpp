@@ -211,3 +211,13 @@ TEST_CASE("Real-time driver: a bench that says stop and closes at once, with rep
   client.report(Instant{}, {}, {});  // Fails: the bench has closed.
   CHECK(driver.run() == DriverEnd::kStopped);
 }
+
+TEST_CASE("Real-time driver: without a bench it ends at the instant that it was given, not before", "[runtime]") {
+  auto can = test::make_socket_pair(SOCK_DGRAM);
+  test::Metronome metronome{"metronome", 0x123, 1ms};
+  link::SocketCanLink link{std::move(can[0]), "test0", false};
+  const Nanos start = read_monotonic();
+  RealTimeDriver driver{metronome, link, nullptr, {link::Pace::kWallClock, 1.0, start, 100ms}};
+  CHECK(driver.run(Instant{5ms}) == DriverEnd::kStopped);
+  CHECK(read_monotonic() - start >= 5ms);
+}
