@@ -51,6 +51,8 @@ KindWords describe(const Finding& finding) {
       return {"bus state", finding.code == 1 ? Weight::kFault : Weight::kWarning};
     case FindingKind::kUnknown:
       return {"unknown frame", Weight::kWarning};
+    case FindingKind::kMessage:
+      return {"message", Weight::kInfo};
   }
   return {"other", Weight::kInfo};
 }
@@ -74,12 +76,13 @@ KindWords describe(const decode::LineFinding& finding) {
 
 }  // namespace
 
-LogPageMaker::LogPageMaker(const config::Rig& rig) : rig_{rig}, story_{rig} {}
+LogPageMaker::LogPageMaker(const config::Rig& rig, const decode::Dbc* dbc) : rig_{rig}, story_{rig, dbc} {}
 
 void LogPageMaker::take(Instant at, const can::CanFrame& frame) {
   at = std::max(at, story_.end());
   story_.take(at, frame);
   counter_.take(at, frame, record::kUnknownSender);
+  if (const decode::DbcMessage* message = story_.view().find_message(frame)) return take_message(*message, at, frame);
   if (frame.kind != can::FrameKind::kData || frame.extended) return;
   const decode::FrameMeaning meaning = story_.view().meaning_of(frame);
   switch (meaning.service) {
@@ -102,6 +105,20 @@ void LogPageMaker::take_values(const decode::FrameMeaning& meaning, Instant at, 
     if (is_new) {
       line = {meaning.node, value.address, std::string{value.name}, std::nullopt};
       line.signal = signals_.add(fmt::format("{} {}", story_.view().name_of(meaning.node), value.name));
+      if (!line.signal) ++signals_left_out_;
+    }
+    if (line.signal) signals_.take(*line.signal, at, value.value);
+  }
+}
+
+void LogPageMaker::take_message(const decode::DbcMessage& message, Instant at, const can::CanFrame& frame) {
+  const std::uint64_t id = std::uint64_t{message.is_extended} << 32U | message.id;
+  for (const decode::DbcValue& value : decode::decode_message(message, frame.data())) {
+    const auto [place, is_new] = message_lines_.try_emplace({id, value.signal});
+    DbcLine& line = place->second;
+    if (is_new) {
+      line = {fmt::format("{}: {}", message.name, value.signal->name), value.signal->unit, std::nullopt};
+      line.signal = signals_.add(line.title);
       if (!line.signal) ++signals_left_out_;
     }
     if (line.signal) signals_.take(*line.signal, at, value.value);
@@ -223,8 +240,20 @@ report::Plots LogPageMaker::make_plots() {
       plots.still.insert(plots.still.end(), still.begin(), still.end());
     }
   }
+  add_message_plots(plots);
   plots.thinned = true;
   return plots;
+}
+
+void LogPageMaker::add_message_plots(report::Plots& plots) const {
+  for (const auto& [key, line] : message_lines_) {
+    if (!line.signal) continue;
+    if (const auto value = signals_.still_value(*line.signal)) {
+      plots.still.push_back(fmt::format("{} = {:.6g} {}", line.title, *value, line.unit));
+    } else {
+      plots.plots.push_back({line.title, line.unit, {{key.second->name, 0, signals_.values(*line.signal)}}, true});
+    }
+  }
 }
 
 }  // namespace meltbench::cli

@@ -229,6 +229,7 @@ void add_show_command(CLI::App& app, cli::ShowRequest& request) {
   CLI::App* show = app.add_subcommand("show", "Tell in words what happened on a recorded bus");
   show->add_option("log", request.log, "A log (candump, ASC, BLF, gzip), or a run's folder")->required();
   show->add_option("--scenario", request.scenario, "Whose rig it is  (default: repro.toml beside the log)");
+  show->add_option("--dbc", request.dbc, "Names and decodes what is not the rig's; does without a rig, too");
   show->add_option("--serial", request.serial,
                    "What went over serial lines meanwhile  (default: NAME.serial.log or serial.log beside NAME.log)");
   show->add_option("--channel", request.channel, "Channel of the log  (default: that of the first frame)");

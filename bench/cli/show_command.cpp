@@ -15,6 +15,7 @@
 #include "bench/decode/line_story.hpp"
 #include "bench/decode/story.hpp"
 #include "bench/report/whole_file.hpp"
+#include "protocols/config/toml.hpp"
 
 namespace meltbench::cli {
 namespace {
@@ -22,8 +23,8 @@ namespace {
 constexpr std::size_t kLoadsInALine = 10;
 constexpr std::size_t kMostLoads = 300;
 
-void print_frames(ChannelLog& log, const config::Rig& rig) {
-  decode::BusView view{rig};
+void print_frames(ChannelLog& log, const config::Rig& rig, const decode::Dbc& dbc) {
+  decode::BusView view{rig, &dbc};
   log::LogEntry entry;
   while (log.next(entry)) {
     view.take(entry.frame);
@@ -69,8 +70,8 @@ std::optional<decode::LineStory> read_lines(const std::filesystem::path& serial,
   return lines;
 }
 
-void print_story(ChannelLog& log, const config::Rig& rig, const std::filesystem::path& serial) {
-  decode::Story story{rig};
+void print_story(ChannelLog& log, const config::Rig& rig, const decode::Dbc& dbc, const std::filesystem::path& serial) {
+  decode::Story story{rig, &dbc};
   log::LogEntry entry;
   while (log.next(entry)) story.take(entry.at, entry.frame);
   story.finish();
@@ -89,12 +90,13 @@ void print_story(ChannelLog& log, const config::Rig& rig, const std::filesystem:
   for (const auto& [at, text] : lines) fmt::print("{:14.6f}  {}\n", to_s(at), text);
   if (left_out > 0) fmt::print("and {} more\n", left_out);
   fmt::print("{} frames in {:.6f} s\n", story.frames(), to_s(story.end()));
+  if (rig.boards.empty()) fmt::print("no rig says the bit rate: load as of {} bit/s\n", rig.bus.bit_rate_bit_per_s);
   print_load(story.load());
 }
 
-void write_page(ChannelLog& log, const config::Rig& rig, const std::filesystem::path& path,
+void write_page(ChannelLog& log, const config::Rig& rig, const decode::Dbc& dbc, const std::filesystem::path& path,
                 const std::filesystem::path& serial, const std::filesystem::path& html) {
-  LogPageMaker maker{rig};
+  LogPageMaker maker{rig, &dbc};
   log::LogEntry entry;
   while (log.next(entry)) maker.take(entry.at, entry.frame);
   if (const auto lines = read_lines(serial, rig, log.zero(), maker.end())) maker.add(*lines);
@@ -114,19 +116,27 @@ void write_page(ChannelLog& log, const config::Rig& rig, const std::filesystem::
   fmt::print("{}\n", html.string());
 }
 
+/// The rig that the log is of. A DBC does without: no board then.
+config::Rig find_rig(const ShowRequest& request, const std::filesystem::path& log) {
+  const bool has_scenario = !request.scenario.empty() || std::filesystem::exists(log.parent_path() / "repro.toml");
+  return request.dbc.empty() || has_scenario ? load_run_of(request.scenario, log).rig : config::Rig{};
+}
+
 }  // namespace
 
 ExitStatus show_log(const ShowRequest& request) {
   const std::filesystem::path path = find_log(request.log);
-  const scenario::ResolvedRun run = load_run_of(request.scenario, path);
+  const config::Rig rig = find_rig(request, path);
+  const decode::Dbc dbc =
+      request.dbc.empty() ? decode::Dbc{} : decode::read_dbc(config::read_text_file(request.dbc), request.dbc.string());
   const std::filesystem::path serial = request.serial.empty() ? find_serial_log(path) : request.serial;
   ChannelLog log{path, request.channel};
   if (!request.html.empty()) {
-    write_page(log, run.rig, path, serial, request.html);
+    write_page(log, rig, dbc, path, serial, request.html);
   } else if (request.frames) {
-    print_frames(log, run.rig);
+    print_frames(log, rig, dbc);
   } else {
-    print_story(log, run.rig, serial);
+    print_story(log, rig, dbc, serial);
   }
   print_log_warnings(log.reader(), path);
   log.warn_of_other_channels();

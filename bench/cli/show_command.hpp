@@ -11,6 +11,8 @@ namespace meltbench::cli {
 struct ShowRequest {
   std::filesystem::path log;       ///< A log, or a run's folder.
   std::filesystem::path scenario;  ///< Whose rig it is. Default: repro.toml in the run's folder, or beside the log.
+                                   ///< Not needed beside a DBC.
+  std::filesystem::path dbc;       ///< Names what is not the rig's. Empty: nothing does.
   std::string channel;             ///< Default: that of the first frame.
   std::filesystem::path serial;    ///< What went over serial lines meanwhile. Default: as find_serial_log().
   bool frames = false;             ///< Every frame, decoded, in place of the story.

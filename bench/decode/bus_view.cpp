@@ -44,7 +44,8 @@ std::string describe_nmt(const can::CanFrame& frame, const std::string& whom) {
 
 }  // namespace
 
-BusView::BusView(const config::Rig& rig) : controller_id_{rig.controller_node_id} {
+BusView::BusView(const config::Rig& rig, const Dbc* dbc)
+    : dbc_{dbc}, has_rig_{!rig.boards.empty()}, controller_id_{rig.controller_node_id} {
   for (const config::RigBoard& board : rig.boards) {
     if (!board.is_on_line()) boards_.emplace_back(board);
   }
@@ -79,7 +80,7 @@ void BusView::take(const can::CanFrame& frame) {
 }
 
 FrameMeaning BusView::meaning_of(const can::CanFrame& frame) const {
-  if (frame.extended || frame.kind == can::FrameKind::kError) return {};
+  if (!has_rig_ || frame.extended || frame.kind == can::FrameKind::kError) return {};
   const auto node = static_cast<std::uint8_t>(frame.id & kNodeMask);
   if (frame.id == canopen::cob_id::kNmt) return {Service::kNmt, 0, 0};
   if (frame.id == canopen::cob_id::kSync) return {Service::kSync, 0, 0};
@@ -94,6 +95,13 @@ FrameMeaning BusView::meaning_of(const can::CanFrame& frame) const {
   const Service service = to_service(frame.id);
   if (service == Service::kOther || node == 0) return {};
   return {service, node, 0};
+}
+
+const DbcMessage* BusView::find_message(const can::CanFrame& frame) const {
+  if (dbc_ == nullptr) return nullptr;
+  const FrameMeaning meaning = meaning_of(frame);
+  const bool is_known = meaning.node == 0 || meaning.node == controller_id_ || find_board(meaning.node) != nullptr;
+  return meaning.service != Service::kOther && is_known ? nullptr : dbc_->find(frame);
 }
 
 bool BusView::is_from_controller(const can::CanFrame& frame) const {
@@ -131,6 +139,7 @@ std::string BusView::name_of(std::uint8_t node) const {
 
 std::string BusView::describe(const can::CanFrame& frame) {
   if (frame.kind == can::FrameKind::kError) return fmt::format("error frame, class {:03X}h", frame.id);
+  if (const DbcMessage* message = find_message(frame)) return describe_message(*message, frame.data());
   const FrameMeaning meaning = meaning_of(frame);
   const std::string who = name_of(meaning.node);
   switch (meaning.service) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "bench/decode/board_objects.hpp"
+#include "bench/decode/dbc.hpp"
 
 namespace meltbench::decode {
 
@@ -35,14 +36,18 @@ struct FrameMeaning {
 /// PDOs, so that values come out as they are mapped at that time.
 class BusView {
  public:
-  /// Boards on serial lines are passed over.
+  /// Boards on serial lines are passed over. A rig without any board is one of which nothing is known: no frame is
+  /// taken for CANopen then.
+  /// @param dbc  names the frames that nobody of the rig uses; must live as long as this. May be null.
   /// @throws config::ConfigError at the board whose EDS cannot be used.
-  explicit BusView(const config::Rig& rig);
+  explicit BusView(const config::Rig& rig, const Dbc* dbc = nullptr);
 
   /// Takes note of one frame, in the order of the bus.
   void take(const can::CanFrame& frame);
 
   [[nodiscard]] FrameMeaning meaning_of(const can::CanFrame& frame) const;
+  /// The DBC's message; nullptr for a frame of the rig, and for one that the DBC does not know.
+  [[nodiscard]] const DbcMessage* find_message(const can::CanFrame& frame) const;
   /// Whether the controller of the rig is who sends such a frame.
   [[nodiscard]] bool is_from_controller(const can::CanFrame& frame) const;
   /// Values of a PDO as it is mapped now; empty for any other frame. Valid until the next call.
@@ -66,6 +71,8 @@ class BusView {
   [[nodiscard]] std::string describe_expedited(std::uint8_t node, const can::CanFrame& frame) const;
   [[nodiscard]] std::string describe_values(const can::CanFrame& frame);
 
+  const Dbc* dbc_;
+  bool has_rig_;
   std::uint8_t controller_id_;
   std::deque<BoardObjects> boards_;
   std::array<PdoPlace, can::kMaxStandardId + 1> pdos_{};

@@ -17,6 +17,7 @@ constexpr double kGapPeriods = 2.5;  // As consumers of heartbeats usually wait.
 // Tenths of a period within which a regular frame is too early. Of two senders of heartbeats one always is.
 constexpr std::int64_t kSoon = 4, kSoonHeartbeat = 6;
 constexpr Nanos kRow = 1s;                    // Equal things closer than this are one finding.
+constexpr Nanos kMessageRow = 10s;            // Frames of one message of a DBC closer than this are one finding.
 constexpr Nanos kSetPointRow = 500ms;         // Changes of a set point closer than this are one finding.
 constexpr double kSmallChange = 0.02;         // Of the value: a loop at work,
 constexpr Nanos kSmallChangeRow = 10s;        // whose changes may be so far apart.
@@ -68,8 +69,8 @@ std::uint64_t value_key(std::uint32_t id, canopen::ObjectAddress address) {
 
 }  // namespace
 
-Story::Story(const config::Rig& rig)
-    : view_{rig},
+Story::Story(const config::Rig& rig, const Dbc* dbc)
+    : view_{rig, dbc},
       bit_time_{1'000'000'000LL / rig.bus.bit_rate_bit_per_s},
       data_bit_time_{1'000'000'000LL / rig.bus.data_bit_rate_bit_per_s},
       controller_id_{rig.controller_node_id} {
@@ -105,6 +106,7 @@ void Story::take(Instant at, const can::CanFrame& frame) {
   last_frame_ = now_;
   if (frame.extended || frame.kind != can::FrameKind::kData) return on_unknown(frame);
   view_.take(frame);
+  if (view_.find_message(frame) != nullptr) return on_unknown(frame);
   const FrameMeaning meaning = view_.meaning_of(frame);
   const bool is_known = meaning.node == 0 || std::ranges::find(known_nodes_, meaning.node) != known_nodes_.end();
   if (meaning.service == Service::kOther || !is_known) on_unknown(frame);
@@ -406,17 +408,19 @@ void Story::on_unknown(const can::CanFrame& frame) {
     ++left_out_;
     return;
   }
+  const DbcMessage* const message = view_.find_message(frame);
   const auto [place, is_first] = unknown_.try_emplace(key, kNone);
-  if (place->second != kNone && now_ - *findings_[place->second].until <= kRow) {
+  if (place->second != kNone && now_ - *findings_[place->second].until <= (message == nullptr ? kRow : kMessageRow)) {
     ++findings_[place->second].count;
     findings_[place->second].until = now_;
     return;
   }
-  open(place->second, {.kind = FindingKind::kUnknown,
+  open(place->second, {.kind = message == nullptr ? FindingKind::kUnknown : FindingKind::kMessage,
                        .at = now_,
                        .until = now_,
                        .id = frame.id,
-                       .text = fmt::format("identifier {:03X}h is nobody's of this rig", frame.id)});
+                       .text = message == nullptr ? fmt::format("identifier {:03X}h is nobody's of this rig", frame.id)
+                                                  : fmt::format("message {} ({:03X}h)", message->name, frame.id)});
 }
 
 void Story::on_error(const can::CanFrame& frame) {

@@ -31,6 +31,7 @@ enum class FindingKind : std::uint8_t {
                  ///< between. `before`, `after`: for how long none had come before it, and none came after it [s].
   kErrorState,   ///< As the recording node saw it. `code` 1: bus-off, 2: restarted, 3: error-passive.
   kUnknown,      ///< Frames of an identifier that nobody of the rig uses.
+  kMessage,      ///< Such frames, if the DBC names them.
 };
 
 struct Finding {
@@ -63,8 +64,9 @@ class Story {
  public:
   static constexpr std::size_t kMaxFindings = 100'000;
 
+  /// @param dbc  as for BusView.
   /// @throws canopen::EdsError, config::ConfigError if an EDS cannot be read.
-  explicit Story(const config::Rig& rig);
+  explicit Story(const config::Rig& rig, const Dbc* dbc = nullptr);
 
   /// @param at  since the log's beginning; not before that of the frame before: time that goes back stands still.
   void take(Instant at, const can::CanFrame& frame);
