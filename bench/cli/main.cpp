@@ -151,6 +151,8 @@ void add_replay_command(CLI::App& app, cli::ReplayRequest& request) {
   replay->add_option("--update-reference", request.update_reference, "With --to: write what was said now to this log")
       ->needs(to)
       ->excludes(can);
+  replay->add_option("--html", request.html, "With --to: write a page with the fit and plots of what differs")
+      ->needs(to);
   replay->footer(
       "Exit status: 0 sent, or no answer differs, 1 an answer differs, 2 bad usage or file\n"
       "Example: meltbench replay meltbench-out --to controller");

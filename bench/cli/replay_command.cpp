@@ -13,10 +13,15 @@
 #include "bench/bus/virtual_time.hpp"
 #include "bench/cli/log_commands.hpp"
 #include "bench/cli/recorded_log.hpp"
+#include "bench/cli/replay_plots.hpp"
+#include "bench/cli/version.hpp"
 #include "bench/log/log_error.hpp"
 #include "bench/log/log_writer.hpp"
+#include "bench/replay/fits.hpp"
 #include "bench/replay/log_partner.hpp"
 #include "bench/replay/raw_replay.hpp"
+#include "bench/report/replay_page.hpp"
+#include "bench/report/whole_file.hpp"
 #include "controller/machine/controller.hpp"
 #include "plant_emulator/emulator.hpp"
 #include "protocols/link/can_link.hpp"
@@ -235,6 +240,49 @@ Instant play_to_external(const std::string& can, bool to_controller, Instant end
   return play_on(from_first, from_first.begin(), end, partner);
 }
 
+std::vector<report::ReplayFit> list_fits(const replay::Fits& fits, const decode::BusView& view) {
+  std::vector<report::ReplayFit> list;
+  for (const auto& [key, fit] : fits.signals()) {
+    const auto [name, unit] = split_unit(fit.name);
+    list.push_back({view.name_of(key.first), text(key.second), name, unit, fit.compared, fit.differing, fit.largest,
+                    fit.rms(), to_s(fit.at), fit.line});
+  }
+  return list;
+}
+
+/// How well each signal was met. @param all  also those that were met exactly.
+void print_fits(const std::vector<report::ReplayFit>& fits, const std::filesystem::path& path, bool all) {
+  const auto name_of = [](const report::ReplayFit& fit) {
+    return fmt::format("{} {}, {}", fit.board, fit.object, fit.name);
+  };
+  std::size_t width = 0;
+  for (const report::ReplayFit& fit : fits) {
+    if (all || fit.differing > 0) width = std::max(width, name_of(fit).size());
+  }
+  if (width == 0) return;
+  fmt::print("fit of each signal{}\n  {:<{}}  {:<12} {:>9} {:>8} {:>10} {:>10}  largest at\n",
+             all ? "" : " that differs", "", width, "unit", "compared", "differ", "largest", "rms");
+  for (const report::ReplayFit& fit : fits) {
+    if (!all && fit.differing == 0) continue;
+    const std::string where =
+        fit.differing == 0 ? "" : fmt::format("  {:.6f} s  ({}:{})", fit.at_s, path.string(), fit.line);
+    fmt::print("  {:<{}}  {:<12} {:>9} {:>8} {:>10.4g} {:>10.4g}{}\n", name_of(fit), width, fit.unit, fit.compared,
+               fit.differing, fit.largest, fit.rms, where);
+  }
+}
+
+void write_page(const ReplayRequest& request, const replay::Comparison& comparison, report::ReplayPage page) {
+  page.title = fmt::format("Replayed to the {}: {}", request.to, request.log.string());
+  page.count = comparison.count();
+  for (const replay::Difference& difference : comparison.differences()) {
+    page.differences.push_back({to_s(difference.at), std::string{text(difference.kind)}, difference.text,
+                                difference.line == 0 ? "now" : fmt::format("line {}", difference.line)});
+  }
+  page.version = std::string{kProgramVersion};
+  report::write_whole_file(request.html, report::render_replay_page(std::move(page)));
+  fmt::print("{}\n", request.html.string());
+}
+
 ExitStatus replay_to_live_side(const ReplayRequest& request) {
   const bool to_controller = request.to == "controller";
   if (!to_controller && request.to != "boards") throw std::invalid_argument{"--to controller, or --to boards"};
@@ -247,6 +295,12 @@ ExitStatus replay_to_live_side(const ReplayRequest& request) {
 
   decode::BusView view{run.rig};
   replay::Comparison comparison{view, read_tolerance(request, run.rig)};
+  replay::Fits fits;
+  ReplayPlots plots;
+  comparison.watch([&](const replay::ValuePair& pair) {
+    fits.take(pair);
+    if (!request.html.empty()) plots.take(pair);
+  });
   replay::LogPartner partner{script, to_controller ? replay::LiveSide::kController : replay::LiveSide::kBoards,
                              comparison};
   Witness witness{request.update_reference};
@@ -255,12 +309,23 @@ ExitStatus replay_to_live_side(const ReplayRequest& request) {
                                               : play_to_external(request.can, to_controller, script.end, partner);
   comparison.finish(script.end);
   witness.finish();
-  fmt::print("{} of {} s replayed to the {}: {} answers compared, {} differ; largest shift {:.3f} ms\n", path.string(),
-             to_s(reached), request.to, comparison.compared(), comparison.count(),
-             to_s(comparison.worst_shift()) * 1e3);
+  const std::string summary =
+      fmt::format("{} s replayed to the {}: {} answers compared, {} differ; largest shift {:.3f} ms", to_s(reached),
+                  request.to, comparison.compared(), comparison.count(), to_s(comparison.worst_shift()) * 1e3);
+  fmt::print("{} of {}\n", path.string(), summary);
   print_differences(comparison, path);
+  std::vector<report::ReplayFit> list = list_fits(fits, view);
+  print_fits(list, path, !to_controller);
   for (const std::string& fault : witness.faults()) fmt::print("  fault in the replay: {}\n", fault);
   if (!request.update_reference.empty()) fmt::print("new reference: {}\n", request.update_reference.string());
+  if (!request.html.empty()) {
+    report::ReplayPage page;
+    page.summary = summary;
+    page.fits = std::move(list);
+    page.plots = plots.finish(fits, view);
+    page.signals_left_out = plots.left_out();
+    write_page(request, comparison, std::move(page));
+  }
   return comparison.count() == 0 ? ExitStatus::kHeld : ExitStatus::kFailed;
 }
 

@@ -26,6 +26,7 @@ struct ReplayRequest {
   double time_tolerance_ms = 1.0;
   std::vector<std::string> value_tolerances;  ///< "feeder.6130:1=0.01".
   std::filesystem::path update_reference;
+  std::filesystem::path html;  ///< Page of the differences.
 };
 
 /// Sends the log's frames over a bus at their times, or plays one side of it to a controller or to boards

@@ -127,7 +127,8 @@ std::span<const DecodedValue> BusView::values_of(const can::CanFrame& frame) {
   for (const MappedObject& object : place->followed->objects) {
     if (object.first + object.size > frame.data().size()) break;
     values_.push_back({object.entry->address(), object.entry->info().name,
-                       to_number(*object.entry, frame.data().subspan(object.first, object.size))});
+                       to_number(*object.entry, frame.data().subspan(object.first, object.size)),
+                       object.entry->info().type});
   }
   return values_;
 }

@@ -19,6 +19,7 @@ struct DecodedValue {
   canopen::ObjectAddress address;
   std::string_view name;  ///< Of the object, by the EDS.
   double value = 0.0;
+  canopen::DataType type = canopen::DataType::kUnsigned8;  ///< On the wire.
 };
 
 /// What a frame of CANopen is for.

@@ -24,6 +24,12 @@ auto find_partner(List& list, Instant at, const can::CanFrame& frame, Nanos reac
   });
 }
 
+/// As many digits as tell it from every other value of its type.
+std::string write(const decode::DecodedValue& value) {
+  return value.type == canopen::DataType::kReal32 ? fmt::format("{}", static_cast<float>(value.value))
+                                                  : fmt::format("{}", value.value);
+}
+
 constexpr auto kAny = [](const can::CanFrame&) { return true; };
 
 }  // namespace
@@ -59,6 +65,7 @@ void Comparison::answer(Instant at, const can::CanFrame& frame) {
 /// Holds an answer against its recorded frame.
 void Comparison::match(const Spoken& recorded, const Spoken& answered) {
   const std::string changed = compare(recorded.frame, answered.frame);
+  if (watcher_) tell_values(recorded, answered);
   const Nanos shift = answered.at - recorded.at;
   if (std::chrono::abs(shift) > tolerance_.time) {
     const bool is_late = shift > Nanos{};
@@ -69,6 +76,16 @@ void Comparison::match(const Spoken& recorded, const Spoken& answered) {
     note(Difference::Kind::kChanged, recorded, changed);
   } else {
     worst_shift_ = std::max(worst_shift_, Nanos{std::chrono::abs(shift)});
+  }
+}
+
+void Comparison::tell_values(const Spoken& recorded, const Spoken& answered) {
+  const auto before = view_.values_of(recorded.frame);
+  const std::vector<decode::DecodedValue> was{before.begin(), before.end()};
+  const auto now = view_.values_of(answered.frame);
+  const std::uint8_t node = view_.meaning_of(recorded.frame).node;
+  for (std::size_t i = 0; i < std::min(was.size(), now.size()); ++i) {
+    watcher_({node, recorded.at, recorded.line, was[i], now[i]});
   }
 }
 
@@ -86,9 +103,10 @@ std::string Comparison::compare(const can::CanFrame& recorded, const can::CanFra
   for (std::size_t i = 0; i < was.size(); ++i) {
     const auto allowed = tolerance_.values.find({meaning.node, was[i].address});
     const double limit = allowed == tolerance_.values.end() ? 0.0 : allowed->second;
-    if (std::abs(now[i].value - was[i].value) <= limit) continue;
-    return fmt::format("{} {}, {}: {:.6g} instead of {:.6g} (may differ by {:.3g})", view_.name_of(meaning.node),
-                       text(was[i].address), was[i].name, now[i].value, was[i].value, limit);
+    const bool both_invalid = std::isnan(now[i].value) && std::isnan(was[i].value);
+    if (both_invalid || std::abs(now[i].value - was[i].value) <= limit) continue;
+    return fmt::format("{} {}, {}: {} instead of {} (may differ by {:.3g})", view_.name_of(meaning.node),
+                       text(was[i].address), was[i].name, write(now[i]), write(was[i]), limit);
   }
   return {};
 }

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -28,6 +29,15 @@ struct Difference {
   std::string text;        ///< For people.
 };
 
+/// One value of a recorded PDO, and of the answer that was held against it.
+struct ValuePair {
+  std::uint8_t node = 0;
+  Instant at;              ///< Of the recorded frame.
+  std::uint64_t line = 0;  ///< Likewise.
+  const decode::DecodedValue& recorded;
+  const decode::DecodedValue& answered;
+};
+
 /// Compares what a party says now with what it said in the recording: order, times, content.
 ///
 /// Every answer is held against the oldest recorded frame of the same identifier that has no answer yet, if the two are
@@ -38,6 +48,8 @@ class Comparison {
   /// @param view  a fresh view of the rig; it follows what is compared.
   Comparison(decode::BusView& view, Tolerance tolerance) : view_{view}, tolerance_{std::move(tolerance)} {}
 
+  /// Every value that is compared from here on goes to `watcher`, whether it differs or not.
+  void watch(std::function<void(const ValuePair&)> watcher) { watcher_ = std::move(watcher); }
   /// The recording has a frame of the compared party here. In the order of the recording.
   void expect(const ScriptFrame& recorded);
   /// The party said this.
@@ -68,6 +80,7 @@ class Comparison {
   };
 
   void match(const Spoken& recorded, const Spoken& answered);
+  void tell_values(const Spoken& recorded, const Spoken& answered);
   void note(Difference::Kind kind, const Spoken& what, std::string text);
   [[nodiscard]] std::string compare(const can::CanFrame& recorded, const can::CanFrame& answered);
   [[nodiscard]] Nanos window() const { return 5 * tolerance_.time; }
@@ -75,6 +88,7 @@ class Comparison {
   static constexpr std::size_t kKept = 20;
   decode::BusView& view_;
   Tolerance tolerance_;
+  std::function<void(const ValuePair&)> watcher_;
   std::deque<Spoken> expected_;  ///< Recorded, not overdue.
   std::deque<Spoken> overdue_;   ///< Recorded, perhaps late.
   std::deque<Spoken> early_;     ///< Answers, perhaps early.

@@ -1,9 +1,12 @@
 #include <array>
 #include <catch2/catch.hpp>
+#include <cmath>
+#include <cstring>
 #include <filesystem>
 
 #include "bench/bus/virtual_time.hpp"
 #include "bench/log/log_reader.hpp"
+#include "bench/replay/fits.hpp"
 #include "bench/replay/log_partner.hpp"
 #include "bench/scenario/scenario.hpp"
 #include "controller/machine/controller.hpp"
@@ -72,11 +75,14 @@ struct Found {
   std::vector<Difference> differences;
   std::uint64_t count = 0;
   std::uint64_t compared = 0;
+  Fits fits;
 };
 
 Found replay_to(LiveSide live, const Script& script, Tolerance tolerance = {}) {
   decode::BusView view{run_settings().rig};
   Comparison comparison{view, std::move(tolerance)};
+  Fits fits;
+  comparison.watch([&fits](const ValuePair& pair) { fits.take(pair); });
   LogPartner partner{script, live, comparison};
   TextLog ignored;
   if (live == LiveSide::kController) {
@@ -85,7 +91,7 @@ Found replay_to(LiveSide live, const Script& script, Tolerance tolerance = {}) {
     run(partner, *make_boards(), ignored);
   }
   comparison.finish(Instant{kDuration});
-  return {comparison.differences(), comparison.count(), comparison.compared()};
+  return {comparison.differences(), comparison.count(), comparison.compared(), fits};
 }
 
 /// The n-th frame with this identifier.
@@ -120,6 +126,67 @@ TEST_CASE("Replay to the controller: one changed byte of its own is found and na
   CHECK(found.differences[0].at == script.frames[at].at);
   CHECK(found.differences[0].line == script.frames[at].line);
   CHECK_THAT(found.differences[0].text, Contains("feeder"));
+}
+
+TEST_CASE("Replay: the message of a changed value has as many digits as tell it from the recorded one", "[replay]") {
+  Script script = recorded();
+  const std::size_t at = find_frame(script, kFeederRpdo1, 100);
+  script.frames[at].frame.bytes[0] ^= 0x01;  // Lowest bit of a REAL32.
+  const Found found = replay_to(LiveSide::kController, script);
+  REQUIRE(found.count == 1);
+  const std::string& text = found.differences[0].text;
+  const std::size_t middle = text.find(" instead of ");
+  REQUIRE(middle != std::string::npos);
+  const std::size_t begin = text.rfind(' ', middle - 1) + 1;
+  const std::size_t second = middle + std::strlen(" instead of ");
+  const std::string now = text.substr(begin, middle - begin);
+  const std::string was = text.substr(second, text.find(' ', second) - second);
+  CHECK(now != was);
+  CHECK(std::max(now.size(), was.size()) <= 10);  // Nine digits tell all REAL32 apart.
+}
+
+TEST_CASE("Replay: the fit of a signal counts what was compared, and has the largest difference with its place",
+          "[replay]") {
+  Script script = recorded();
+  const std::size_t at = find_frame(script, kFeederRpdo1, 100);
+  float set_point = 0;
+  std::memcpy(&set_point, script.frames[at].frame.bytes.data(), sizeof set_point);
+  const float moved = set_point + 3;
+  std::memcpy(script.frames[at].frame.bytes.data(), &moved, sizeof moved);
+  const Found found = replay_to(LiveSide::kController, script);
+  std::size_t differing = 0;
+  for (const auto& [key, fit] : found.fits.signals()) {
+    CHECK(fit.compared > 0);
+    if (fit.differing == 0) {
+      CHECK(fit.largest == 0);
+      continue;
+    }
+    ++differing;
+    CHECK(fit.differing == 1);
+    CHECK(fit.largest == Approx(3));
+    CHECK(fit.at == script.frames[at].at);
+    CHECK(fit.line == script.frames[at].line);
+    CHECK(fit.rms() == Approx(3 / std::sqrt(static_cast<double>(fit.compared))));
+  }
+  CHECK(differing == 1);
+}
+
+TEST_CASE("Replay: in a fit, one that is no number differs from a number, and from no other that is none", "[replay]") {
+  const double nan = std::nan("");
+  Fits fits;
+  const auto take = [&fits](double was, double now) {
+    const decode::DecodedValue recorded{{0x2000, 0}, "x", was};
+    const decode::DecodedValue answered{{0x2000, 0}, "x", now};
+    fits.take({5, Instant{1s}, 7, recorded, answered});
+  };
+  take(nan, nan);
+  take(2, 5);
+  take(nan, 1);
+  const SignalFit& fit = fits.signals().begin()->second;
+  CHECK(fit.compared == 3);
+  CHECK(fit.differing == 2);
+  CHECK(fit.largest == 3);
+  CHECK(fit.rms() == 3);  // Of the one pair that has a difference.
 }
 
 TEST_CASE("Replay to the controller: a changed byte of a board shows in what the laws make of it", "[replay]") {
@@ -179,6 +246,7 @@ TEST_CASE("Replay to the boards: a changed set point is seen in their telemetry;
   script.frames[at].frame.bytes[2] ^= 0x40;  // Some per cent of the set point, a REAL32.
   const Found found = replay_to(LiveSide::kBoards, script);
   CHECK(found.count >= 1);
+  CHECK(found.fits.signals().size() > 1);
 
   Tolerance wide;
   for (const auto& board : run_settings().rig.boards) {
