@@ -289,8 +289,9 @@ void RtuServer::handle(Instant now, const Frame& frame) {
   const Unit* const unit = find(frame.unit);
   if (unit == nullptr || !unit->present) return;
   ++requests_;
-  answer_ = execute(now, frame.pdu, *unit->map);
-  if (answer_.size() == 0) return;
+  const Pdu answer = execute(now, frame.pdu, *unit->map);
+  if (answer.size() == 0) return;
+  answer_ = answer;
   if (exception_of(answer_.bytes()) != ExceptionCode::kNone) ++exceptions_;
   answering_ = frame.unit;
   answer_at_ = frame.at + unit->answer_delay + unit->extra_delay;

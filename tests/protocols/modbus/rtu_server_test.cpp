@@ -147,6 +147,18 @@ TEST_CASE("Server: is silent to other units, to broken frames and to requests th
   CHECK(line.server.frames_lost() == 1);
 }
 
+TEST_CASE("Server: a request that is cut off leaves the answer alone that is to come", "[modbus]") {
+  Line line;
+  Bytes request, cut;
+  append_frame(2, make_read(Function::kReadHoldingRegisters, 0, 1).bytes(), request);
+  append_frame(1, std::array<std::uint8_t, 1>{15}, cut);  // Function 15, and no word of what to write.
+  line.hear(request);
+  line.run_to(line.now + 2ms);  // The answer comes after 5 ms.
+  line.hear(cut);
+  line.run_to(line.now + 10ms);
+  CHECK(line.sent.size() == 7);
+}
+
 TEST_CASE("Server: a broadcast is done by all units and answered by none", "[modbus]") {
   Line line;
   line.hear(make_frame(kBroadcast, make_write_register(1, 42)));
