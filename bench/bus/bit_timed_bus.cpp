@@ -170,6 +170,7 @@ void BitTimedBus::step() {
   if (sender != kNoNode && nodes_[sender].position() == 0) {
     anchor_ = bit_start_;
     since_anchor_ = settings_.bit_time;
+    anchored_ = true;
   }
   if (std::ranges::any_of(nodes_, &BusNode::is_busy)) busy_ += bit_end_ - bit_start_;
   const std::uint64_t misheard = sender == kNoNode ? 0 : apply_flips(sender);
@@ -254,8 +255,14 @@ void BitTimedBus::begin_next_bit() {
   }
   const std::size_t sender = find_sender();
   if (sender == kNoNode) {
+    anchored_ = false;
     bit_end_ = bit_start_ + settings_.bit_time;
     return;
+  }
+  if (!anchored_) {  // Connected in the middle of its frame.
+    anchor_ = bit_start_;
+    since_anchor_ = Nanos{};
+    anchored_ = true;
   }
   const bool disturbed = std::ranges::any_of(nodes_, &BusNode::is_signalling);
   since_anchor_ += nodes_[sender].sending()->data_rate && !disturbed ? settings_.data_bit_time : settings_.bit_time;

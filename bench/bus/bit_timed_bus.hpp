@@ -163,6 +163,7 @@ class BitTimedBus {
   Instant bit_end_{};
   Instant anchor_{};  // Start of frame, from which its sender's clock is counted.
   Nanos since_anchor_{};
+  bool anchored_ = false;  // A sender is connected, and its clock is counted.
   std::uint64_t bit_number_ = 0;
   bool recessive_before_ = true;
 

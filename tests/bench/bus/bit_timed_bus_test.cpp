@@ -157,3 +157,18 @@ TEST_CASE("Bit-timed bus: what goes frame by frame and what goes bit by bit end 
     CHECK(fast.bus.node(n).counters().tx_dropped == slow.bus.node(n).counters().tx_dropped);
   }
 }
+
+TEST_CASE("Bit-timed bus: a node that is connected in the middle of its frame does not turn time back", "[bus]") {
+  Bench bench{2};
+  bench.bus.advance(Instant{1s});
+  bench.bus.set_cut_off(Instant{1s}, 0, true);
+  REQUIRE(bench.bus.send(Instant{1s}, 0, frame("123#1122334455667788")));
+  bench.bus.advance(Instant{1s + 50us});  // Nobody else hears it: no bit of it is on the wire.
+  bench.bus.set_cut_off(Instant{1s + 50us}, 0, false);
+  Instant before{1s + 50us};
+  for (int bit = 0; bit < 100; ++bit) {
+    const Instant next = bench.bus.next_event();
+    REQUIRE(next >= before);
+    bench.bus.advance(before = next);
+  }
+}
