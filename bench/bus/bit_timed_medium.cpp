@@ -162,14 +162,11 @@ void BitTimedMedium::on_state(Instant at, std::size_t node, can::ErrorState stat
   listener_.on_node_state(owner, describe(at, names_[node], state));
 }
 
-void set_clocks(BitTimedMedium* medium, const config::Rig& rig) {
-  if (medium == nullptr) return;
-  const auto set = [&](std::string_view name, double ppm) {
-    const std::size_t node = medium->find_node(name);
-    if (node != kNoNode && ppm != 0) medium->bus().set_clock_drift(Instant{}, node, ppm);
-  };
-  set("controller", rig.controller_clock_drift_ppm);
-  for (const config::RigBoard& board : rig.boards) set(board.name, board.clock_drift_ppm);
+void BitTimedMedium::set_clock_drifts(std::span<const ClockDrift> drifts) {
+  for (const ClockDrift& drift : drifts) {
+    const std::size_t node = find_node(drift.node);
+    if (node != kNoNode && drift.ppm != 0) bus_.set_clock_drift(Instant{}, node, drift.ppm);
+  }
 }
 
 }  // namespace meltbench::bus

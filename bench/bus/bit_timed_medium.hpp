@@ -15,6 +15,12 @@ namespace meltbench::bus {
 /// Settings of the bus that [bus] of a rig describes.
 [[nodiscard]] BitTimedSettings to_settings(const config::RigBus& bus);
 
+/// By how much the clock of a node's CAN controller is too fast.
+struct ClockDrift {
+  std::string node;
+  double ppm = 0;
+};
+
 /// Hears what a medium does to the participants of a run.
 class MediumListener {
  public:
@@ -79,6 +85,9 @@ class BitTimedMedium final : private BusListener {
   [[nodiscard]] std::span<const can::ErrorState> states(std::size_t participant) const;
   [[nodiscard]] std::uint64_t lost_frames() const { return lost_frames_; }
 
+  /// From the beginning on. Names of nodes that are not there are passed over.
+  void set_clock_drifts(std::span<const ClockDrift> drifts);
+
   /// For faults.
   [[nodiscard]] BitTimedBus& bus() { return bus_; }
   /// @returns kNoNode if there is no node of that name.
@@ -115,8 +124,5 @@ class BitTimedMedium final : private BusListener {
   std::vector<ResponseTally> responses_;
   BitTimedBus bus_;
 };
-
-/// Lets the clocks of the nodes be off as the rig says; null: there is no such bus.
-void set_clocks(BitTimedMedium* medium, const config::Rig& rig);
 
 }  // namespace meltbench::bus

@@ -2,6 +2,7 @@
 
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "bench/bus/bit_timed_medium.hpp"
 #include "bench/bus/intervention.hpp"
@@ -26,6 +27,11 @@ struct RunMedia {
   Intervention* intervention = nullptr;
   /// The embedded CAN bus in bit times; nothing: the ideal bus. A bus of a kernel or behind an adapter has its own.
   std::optional<BitTimedSettings> bit_timed{};
+  /// Of its nodes' clocks; a node that is not here is right.
+  std::vector<ClockDrift> clock_drifts{};
 };
+
+/// The lines and the CAN bus that a rig describes, and nobody else on them. @param rig  outlives the run.
+[[nodiscard]] RunMedia make_media(const config::Rig& rig);
 
 }  // namespace meltbench::bus

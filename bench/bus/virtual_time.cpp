@@ -49,7 +49,10 @@ VirtualTime::VirtualTime(std::span<runtime::ParticipantPort* const> ports, Nanos
       intervention_{media.intervention},
       lines_{media.lines} {
   MediumListener& self = *this;
-  if (media.bit_timed) medium_ = std::make_unique<BitTimedMedium>(*media.bit_timed, members_of(ports), self);
+  if (media.bit_timed) {
+    medium_ = std::make_unique<BitTimedMedium>(*media.bit_timed, members_of(ports), self);
+    medium_->set_clock_drifts(media.clock_drifts);
+  }
   for (runtime::ParticipantPort* port : ports) {
     Party party;
     party.port = port;

@@ -40,6 +40,7 @@ WallClockRelay::WallClockRelay(std::span<Joined> joined, Broker& broker, link::C
     for (const Joined& program : joined) members.push_back({program.hello.name, program.hello.nodes});
     MediumListener& self = *this;
     medium_ = std::make_unique<BitTimedMedium>(*media.bit_timed, members, self);
+    medium_->set_clock_drifts(media.clock_drifts);
   }
   // What was not reported yet has no value; a counter that was not reported has counted nothing.
   for (const SignalInfo& signal : signals_of(joined)) {

@@ -6,9 +6,7 @@
 #include <array>
 #include <cmath>
 
-#include "bench/bus/virtual_time.hpp"
-#include "bench/cli/injection.hpp"
-#include "bench/cli/prepare_run.hpp"
+#include "bench/cli/memory_run.hpp"
 #include "bench/decode/story.hpp"
 
 namespace meltbench::cli {
@@ -123,25 +121,10 @@ ClosedLoopResult ClosedLoop::run(const std::vector<Table>& faults) {
   Array list;
   for (const Table& fault : faults) list.push_back(Value{fault, {}});
   if (!list.empty()) set(tree, "fault", std::move(list));
-  RunRequest request;
-  request.pace.kind = Pace::Kind::kInProcess;
-  request.pace_given = true;
-  PreparedRun prepared =
-      prepare(scenario::rebuild(settings_, std::move(tree), end_.since_start), std::filesystem::path{}, request);
-  const config::Rig& rig = prepared.run.rig;
-  runtime::InProcessPort controller{*prepared.controller};
-  runtime::InProcessPort plant{*prepared.plant};
-  const std::array<runtime::ParticipantPort*, 2> ports{&controller, &plant};
-  std::vector<SignalInfo> signals{controller.signals().begin(), controller.signals().end()};
-  signals.insert(signals.end(), plant.signals().begin(), plant.signals().end());
-  Listener listener{rig, std::move(signals)};
-  Injection injection{prepared.faults, prepared.run.seed, ports, listener};
-  bus::RunMedia media{.lines = rig.lines, .intervention = &injection.injector()};
-  if (rig.bus.fidelity == config::BusFidelity::kBitTimed) media.bit_timed = bus::to_settings(rig.bus);
-  bus::VirtualTime time{injection.ports(), prepared.run.record_period, listener, media};
-  bus::set_clocks(time.medium(), rig);
-  static_cast<void>(time.run(prepared.run.duration));
-  return listener.finish(rig);
+  MemoryRun run{scenario::rebuild(settings_, std::move(tree), end_.since_start)};
+  Listener listener{run.rig(), run.signals()};
+  static_cast<void>(run.play(listener));
+  return listener.finish(run.rig());
 }
 
 std::string describe_fault(const Table& fault) {

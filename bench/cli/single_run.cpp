@@ -72,11 +72,6 @@ decode::WireSignals* wire_of(PreparedRun& prepared) {
 
 using Ports = std::vector<std::unique_ptr<runtime::ParticipantPort>>;
 
-std::optional<bus::BitTimedSettings> bit_timing_of(const config::RigBus& can) {
-  if (can.fidelity == config::BusFidelity::kIdeal) return std::nullopt;
-  return bus::to_settings(can);
-}
-
 void note_bus_timing(const PreparedRun& prepared, bus::BitTimedMedium* medium, Instant end,
                      record::RunRecorder& recorder) {
   if (medium == nullptr) return;
@@ -98,11 +93,11 @@ bus::RunOutcome run_in_virtual_time(PreparedRun& prepared, const RunRequest& req
   Injection faults{prepared.faults, prepared.run.seed, to_pointers(ports), observer};
   std::optional<LiveFaults> live;
   if (broker != nullptr) live.emplace(faults.injector(), *broker, prepared, find_limits(prepared, request), observer);
-  bus::RunMedia media{.lines = prepared.run.rig.lines, .outside = outside, .intervention = &faults.injector()};
+  bus::RunMedia media = bus::make_media(prepared.run.rig);
+  media.outside = outside;
+  media.intervention = &faults.injector();
   if (live) media.intervention = &*live;
-  media.bit_timed = bit_timing_of(prepared.run.rig.bus);
   bus::VirtualTime time{faults.ports(), prepared.run.record_period, observer, media};
-  bus::set_clocks(time.medium(), prepared.run.rig);
   const bus::RunOutcome outcome = time.run(prepared.run.duration);
   note_bus_timing(prepared, time.medium(), outcome.at, *recorder);
   return outcome;
@@ -193,16 +188,11 @@ record::Recording run_at_wall_clock(PreparedRun& prepared, const RunRequest& req
   Observer observer{*recorder, wire_of(prepared), progress};
   const auto faults = make_injector(prepared.faults, prepared.run.seed, members_of(joined), observer);
   LiveFaults live{*faults, broker, prepared, find_limits(prepared, request), observer};
-  bus::WallClockRelay relay{joined,
-                            broker,
-                            kernel_bus.get(),
-                            prepared.run.record_period,
-                            {.lines = prepared.run.rig.lines,
-                             .outside = tap.outside(),
-                             .adapter = adapter.get(),
-                             .intervention = &live,
-                             .bit_timed = bit_timing_of(prepared.run.rig.bus)}};
-  bus::set_clocks(relay.medium(), prepared.run.rig);
+  bus::RunMedia media = bus::make_media(prepared.run.rig);
+  media.outside = tap.outside();
+  media.adapter = adapter.get();
+  media.intervention = &live;
+  bus::WallClockRelay relay{joined, broker, kernel_bus.get(), prepared.run.record_period, media};
   const auto started = Clock::now();
   const bus::RunOutcome outcome = relay.run(prepared.run.duration, prepared.pace.speed, observer);
   const double elapsed_s = std::chrono::duration<double>(Clock::now() - started).count();

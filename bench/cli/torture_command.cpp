@@ -17,9 +17,7 @@
 #include <stdexcept>
 #include <thread>
 
-#include "bench/bus/virtual_time.hpp"
-#include "bench/cli/injection.hpp"
-#include "bench/cli/prepare_run.hpp"
+#include "bench/cli/memory_run.hpp"
 #include "bench/cli/version.hpp"
 #include "bench/fault/torture.hpp"
 #include "controller/machine/controller.hpp"
@@ -165,20 +163,9 @@ struct Verdict {
 };
 
 Verdict run_seed(const scenario::ResolvedRun& run) {
-  RunRequest request;
-  request.pace.kind = Pace::Kind::kInProcess;
-  request.pace_given = true;
-  PreparedRun prepared = prepare(run, {}, request);
-  runtime::InProcessPort controller{*prepared.controller};
-  runtime::InProcessPort plant{*prepared.plant};
-  const std::array<runtime::ParticipantPort*, 2> ports{&controller, &plant};
-  std::vector<SignalInfo> signals{controller.signals().begin(), controller.signals().end()};
-  signals.insert(signals.end(), plant.signals().begin(), plant.signals().end());
-  Examiner examiner{signals, length_of(run.root)};
-  Injection faults{prepared.faults, run.seed, ports, examiner};
-  const bus::RunMedia media{.lines = run.rig.lines, .intervention = &faults.injector()};
-  const bus::RunOutcome outcome =
-      bus::VirtualTime{faults.ports(), run.record_period, examiner, media}.run(run.duration);
+  MemoryRun memory{run};
+  Examiner examiner{memory.signals(), length_of(run.root)};
+  const bus::RunOutcome outcome = memory.play(examiner);
   Verdict verdict{examiner.wrong(), examiner.last_state()};
   if (outcome.kind == bus::RunOutcome::Kind::kParticipantLost) verdict.wrong = outcome.text;
   return verdict;

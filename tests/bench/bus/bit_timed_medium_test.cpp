@@ -200,6 +200,7 @@ TEST_CASE("Bit-timed medium: response times per identifier run from queued to th
 
 TEST_CASE("Bit-timed medium: a node whose clock is slow takes so much longer to say the same", "[bus]") {
   config::Rig rig;
+  rig.bus.fidelity = config::BusFidelity::kBitTimed;
   rig.controller_clock_drift_ppm = -1000;
   config::RigBoard board;
   board.name = "board";
@@ -207,7 +208,7 @@ TEST_CASE("Bit-timed medium: a node whose clock is slow takes so much longer to 
   Silent silent;
   const std::array<BitTimedMedium::Member, 2> members{{{"controller", {}}, {"board", {}}}};
   BitTimedMedium medium{{}, members, silent};
-  set_clocks(&medium, rig);
+  medium.set_clock_drifts(make_media(rig).clock_drifts);
   medium.send(Instant{}, 0, 0, *can::parse_candump("123#1122334455667788"));  // 109 bits of 2 us.
   medium.advance(Instant{5ms});
   medium.send(Instant{5ms}, 1, 0, *can::parse_candump("124#1122334455667788"));  // 110: another CRC.
